@@ -1,0 +1,1 @@
+"""One pure function per energy term of the method."""

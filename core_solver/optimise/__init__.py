@@ -1,0 +1,1 @@
+"""Variables, starting values, stage schedule and optimisers."""

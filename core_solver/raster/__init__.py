@@ -1,0 +1,1 @@
+"""The fused depth and silhouette operator."""

@@ -1,0 +1,1 @@
+"""Disparity to depth, median aggregation, point cloud, gravity and ground, contacts."""

@@ -1,0 +1,1 @@
+"""Identity over time: detections become tracks, gaps are filled and marked."""
