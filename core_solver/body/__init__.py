@@ -1,1 +1,19 @@
-"""Body models: the open default and the user's own SMPL files, skinning and kinematics."""
+"""Body models: the open default, a user's SMPL file, forward kinematics and skinning.
+
+Torch twins live in `body.kinematics_torch` and are not imported here.
+"""
+
+from core_solver.body.kinematics import pose_blend, pose_joints, skin
+from core_solver.body.model import BodyModel
+from core_solver.body.skeleton import JOINT_NAMES, KEYPOINT_NAMES, MIRROR, PARENTS
+
+__all__ = [
+    "JOINT_NAMES",
+    "KEYPOINT_NAMES",
+    "MIRROR",
+    "PARENTS",
+    "BodyModel",
+    "pose_blend",
+    "pose_joints",
+    "skin",
+]
