@@ -133,7 +133,8 @@ def fetch_npm(package: Package, folder: Path, progress: Progress) -> Path:
     target = folder / "tarball"
     target.mkdir()
     command = [npm, "pack", f"{package.name}@{package.version}", "--pack-destination", str(target)]
-    run_fetcher(package, [*command, "--cache", str(folder / "cache")], folder, progress)
+    command += ["--cache", str(folder / "cache"), "--fetch-retries", "1", "--fetch-retry-mintimeout", "1000"]
+    run_fetcher(package, command, folder, progress)
     return only_file(target, package)
 
 
