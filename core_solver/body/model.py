@@ -1,10 +1,18 @@
 """One body model for everything downstream, whether it came from the open default or from a user's SMPL file."""
 
+import hashlib
+import zipfile
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from core_solver.body.proxy import choose_proxy
+from core_solver.body.smpl_file import read_smpl_arrays
+from core_solver.body.smpl_keypoints import find_keypoints
+from core_solver.errors import ModelError
 
 Array = NDArray[np.float64]
 
@@ -86,3 +94,64 @@ class BodyModel:
 def _directed(directions: Array, betas: ArrayLike) -> Array:
     """(n, 3, 10) directions applied to (..., 10) betas: (..., n, 3) offsets."""
     return np.tensordot(np.asarray(betas, float), directions, axes=([-1], [-1]))
+
+
+def load_body(path: Path) -> BodyModel:
+    """Load a body model of either kind, told apart by what the file holds.
+
+    Raises:
+        ModelError: neither an open body nor an SMPL file.
+    """
+    if not path.is_file():
+        raise ModelError(f"{path}: no such body model file")
+    if not zipfile.is_zipfile(path):
+        return load_smpl(path)
+    with zipfile.ZipFile(path) as archive:
+        names = set(archive.namelist())
+    return load_smpl(path) if "v_template.npy" in names else load_open_body(path)
+
+
+def load_open_body(path: Path) -> BodyModel:
+    """Load the npz that `build_open_body` writes.
+
+    Raises:
+        ModelError: missing, damaged or something else.
+    """
+    fields = (
+        "template", "shape_directions", "joint_regressor", "weights", "faces", "keypoint_regressor", "neutral_betas",
+        "proxy",
+    )  # fmt: skip
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in fields}
+            identity = {name: str(archive[name]) for name in ("id", "licence")}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise ModelError(f"{path} is not an open body file (build it again): {error}") from error
+    model = BodyModel(pose_directions=None, **identity, **arrays)
+    count = len(model.template)
+    if model.shape_directions.shape != (count, 3, 10) or model.weights.shape != (count, 24):
+        raise ModelError(f"{path} is not an open body file (build it again): its arrays do not fit together")
+    return model
+
+
+def load_smpl(path: Path) -> BodyModel:
+    """Load a user's SMPL file, .npz or .pkl; keypoints and proxy are derived from its geometry.
+
+    Raises:
+        ModelError: missing, damaged, not SMPL's 24 joints, or a pickle that holds more than arrays.
+    """
+    arrays = read_smpl_arrays(path)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return BodyModel(
+        id=f"smpl-{digest[:8]}",
+        licence="SMPL body model of the user, under the licence that came with it",
+        template=arrays.template,
+        shape_directions=arrays.shape_directions,
+        pose_directions=arrays.pose_directions,
+        joint_regressor=arrays.joint_regressor,
+        weights=arrays.weights,
+        faces=arrays.faces,
+        keypoint_regressor=find_keypoints(arrays.template, arrays.joint_regressor, arrays.weights),
+        neutral_betas=np.zeros(10),
+        proxy=choose_proxy(arrays.template, arrays.weights),
+    )

@@ -5,7 +5,16 @@ Joint names and parents are the take file's: a take must be readable without bod
 
 from core_solver.take.skeleton import JOINT_NAMES, PARENTS
 
-__all__ = ["JOINT_NAMES", "KEYPOINT_NAMES", "LEVELS", "MIRROR", "PARENTS", "joint_index", "keypoint_index"]
+__all__ = [
+    "JOINT_NAMES",
+    "KEYPOINT_MIRROR",
+    "KEYPOINT_NAMES",
+    "LEVELS",
+    "MIRROR",
+    "PARENTS",
+    "joint_index",
+    "keypoint_index",
+]
 
 KEYPOINT_NAMES: tuple[str, ...] = (
     "nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow",
@@ -43,6 +52,9 @@ def _levels() -> tuple[tuple[int, ...], ...]:
 
 MIRROR: tuple[int, ...] = tuple(JOINT_NAMES.index(_mirror_name(name)) for name in JOINT_NAMES)
 """For each joint the one on the other side of the body; the spine's joints mirror to themselves."""
+
+KEYPOINT_MIRROR: tuple[int, ...] = tuple(KEYPOINT_NAMES.index(_mirror_name(name)) for name in KEYPOINT_NAMES)
+"""The same for keypoints."""
 
 LEVELS: tuple[tuple[int, ...], ...] = _levels()
 """The joints by their distance from the pelvis: a level's parents all stand in the level before."""
