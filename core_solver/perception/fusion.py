@@ -1,0 +1,121 @@
+"""One detection from what MoveNet and BlazePose say about the same person; doubt where they disagree."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core_solver.perception.appearance import describe_clothes
+from core_solver.perception.blazepose import BodyLandmarks, disagreement, inverse, person_size, transform, warp
+from core_solver.perception.multipose import COCO_COUNT, Pose, same_person
+from core_solver.perception.observations import CroppedMask, Detection
+
+Floats = NDArray[np.float32]
+
+_LEAST_PRESENCE = 0.5
+_GROSS = 0.12  # of the person's size: mean distance at which the two networks see different things
+_TOLERANCE, _DOUBT = 0.03, 0.05  # of the person's size: distance without doubt, and the fall beyond it
+_CERTAIN = 0.3  # MoveNet's keypoint score from which its opinion counts in full
+
+# Hands and feet, which MoveNet does not know, share the doubt about their wrist or ankle.
+_WITNESS = np.array([*range(COCO_COUNT), 15, 16, 15, 16, 9, 10, 9, 10])
+
+_MASK_EDGE = 25  # of 255: cells below are outside
+
+
+def fuse(pose: Pose, body: BodyLandmarks, picture: tuple[int, int], labels: tuple[int, int]) -> Detection | None:
+    """One person, or None where the two networks do not mean the same person or there is none.
+
+    Args:
+        pose: MoveNet's.
+        body: BlazePose's, from a crop around it.
+        picture: (width, height) of the frame.
+        labels: (width, height) of the label grid.
+    """
+    if body.presence < _LEAST_PRESENCE:
+        return None
+    # Someone taken from the wrong side is still someone.
+    if min(disagreement(pose, body), disagreement(pose, body, mirrored=True)) > _GROSS:
+        return None
+    mask = warp_mask(body, picture, labels)
+    if mask.values.size == 0:
+        return None
+    confidence = keypoint_confidence(pose, body, picture)
+    in_crop = transform(inverse(body.roi.crop_to_image()), body.keypoints)
+    return Detection(
+        score=pose.score,
+        box=_box(pose, body, confidence, picture),
+        keypoints=body.keypoints,
+        confidence=confidence,
+        landmarks=body.landmarks,
+        appearance=describe_clothes(body.crop, body.mask, in_crop.astype(np.float32)),
+        mask=mask,
+    )
+
+
+def keypoint_confidence(pose: Pose, body: BodyLandmarks, picture: tuple[int, int]) -> Floats:
+    """(25,) BlazePose's visibility, reduced by distance to MoveNet as far as MoveNet is sure; 0 outside the picture."""
+    distance = np.linalg.norm(body.keypoints[:COCO_COUNT] - pose.keypoints, axis=1) / person_size(pose)
+    agreement = np.exp(-0.5 * (np.maximum(distance - _TOLERANCE, 0) / _DOUBT) ** 2)
+    opinion = np.clip(pose.confidence / _CERTAIN, 0, 1)
+    trust = 1 - opinion * (1 - agreement)
+    inside = np.all((body.keypoints >= 0) & (body.keypoints < picture), axis=1)
+    return (body.visibility * trust[_WITNESS] * inside).astype(np.float32)
+
+
+def warp_mask(body: BodyLandmarks, picture: tuple[int, int], labels: tuple[int, int]) -> CroppedMask:
+    """The mask on the label grid, cut to its bounding box; blobs apart from the person's body are left out."""
+    to_labels = np.array(labels) / picture
+    crop_to_labels = body.roi.crop_to_image() * to_labels[:, None]
+    side = body.mask.shape[0]
+    corners = transform(crop_to_labels, np.array([[0, 0], [side, 0], [0, side], [side, side]]))
+    left, top = np.clip(np.floor(corners.min(axis=0)).astype(int), 0, labels)
+    right, bottom = np.clip(np.ceil(corners.max(axis=0)).astype(int), 0, labels)
+    if right <= left or bottom <= top:
+        return CroppedMask(0, 0, np.zeros((0, 0), np.uint8))
+    cells_to_crop = inverse(crop_to_labels)
+    cells_to_crop[:, 2] += cells_to_crop[:, :2] @ (left, top)
+    values = np.round(255 * warp(body.mask, cells_to_crop, (right - left, bottom - top))).astype(np.uint8)
+    seen = (body.keypoints[body.visibility > 0.5] * to_labels - (left, top)).astype(int)
+    return _trim(_connected(values, seen), int(top), int(left))
+
+
+def without_doubles(detections: list[Detection]) -> tuple[Detection, ...]:
+    """One detection a person: two finds may turn out to be the same person once BlazePose has looked closer."""
+    kept: list[Detection] = []
+    for one in sorted(detections, key=lambda d: -d.score * float(d.confidence.mean())):
+        if not any(same_person(_as_pose(one), _as_pose(other)) for other in kept):
+            kept.append(one)
+    return tuple(kept)
+
+
+def _as_pose(detection: Detection) -> Pose:
+    return Pose(
+        detection.score, detection.box, detection.keypoints[:COCO_COUNT], detection.confidence[:COCO_COUNT]
+    )  # fmt: skip
+
+
+def _box(pose: Pose, body: BodyLandmarks, confidence: Floats, picture: tuple[int, int]) -> Floats:
+    """Around MoveNet's box and every keypoint that was seen, inside the picture."""
+    points = np.concatenate([pose.box.reshape(2, 2), body.keypoints[confidence > 0.3]])
+    low, high = np.clip(points.min(axis=0), 0, picture), np.clip(points.max(axis=0), 0, picture)
+    return np.concatenate([low, high]).astype(np.float32)
+
+
+def _connected(values: NDArray[np.uint8], seen: NDArray[np.int_]) -> NDArray[np.uint8]:
+    """Only the blobs on which at least one seen keypoint (n, 2) x, y lies; all of them if there is none."""
+    _, blobs = cv2.connectedComponents((values >= _MASK_EDGE).astype(np.uint8))
+    height, width = values.shape
+    seen = seen[np.all((seen >= 0) & (seen < (width, height)), axis=1)]
+    own = set(blobs[seen[:, 1], seen[:, 0]].tolist()) - {0}
+    if not own:
+        return values
+    return np.where(np.isin(blobs, list(own)), values, 0).astype(np.uint8)
+
+
+def _trim(values: NDArray[np.uint8], top: int, left: int) -> CroppedMask:
+    rows = np.flatnonzero((values >= _MASK_EDGE).any(axis=1))
+    columns = np.flatnonzero((values >= _MASK_EDGE).any(axis=0))
+    if len(rows) == 0:
+        return CroppedMask(0, 0, np.zeros((0, 0), np.uint8))
+    inner = values[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return CroppedMask(top + int(rows[0]), left + int(columns[0]), np.ascontiguousarray(inner))
