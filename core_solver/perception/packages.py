@@ -184,10 +184,9 @@ def failure(package: Package, output: str) -> str:
     if "no space left" in lowered or "enospc" in lowered:
         return f"the disk is full: make room for {2 * package.size >> 20} MB and fetch {package} again"
     reasons = [line.strip() for line in output.splitlines() if "err" in line.lower()] or output.split("\n")[-1:]
+    reason = reasons[0].rpartition("connection broken by ")[2][:200]
     log.debug("fetching %s failed:\n%s", package, output)
-    return (
-        f"could not download {package}: check the network or your registry settings and try again ({reasons[0][:200]})"
-    )
+    return f"could not download {package}: check the network or your registry settings and try again ({reason})"
 
 
 def only_file(folder: Path, package: Package) -> Path:
