@@ -345,11 +345,9 @@ def is_complete(entry: ModelEntry, folder: Path) -> bool:
 
 def copy_atomically(source: Path, target: Path) -> None:
     """Copy a file so that the target is whole or absent."""
-    handle, temporary = tempfile.mkstemp(prefix=".adding-", dir=target.parent)
-    os.close(handle)
+    temporary = target.with_name(f".adding-{os.getpid()}-{target.name}")
     try:
         shutil.copyfile(source, temporary)
-        Path(temporary).replace(target)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -11,6 +11,7 @@ import hashlib
 import http.server
 import io
 import json
+import os
 import re
 import shutil
 import tarfile
@@ -204,9 +205,8 @@ def test_leftovers_of_a_killed_process_are_swept(tmp_path: Path, single: ModelEn
     old, recent = store.models_dir / ".partial-net-old", store.models_dir / ".partial-net-recent"
     old.mkdir(parents=True)
     recent.mkdir()
-    import os
-
-    os.utime(old, (time.time() - 3 * 24 * 3600,) * 2)
+    three_days_ago = time.time() - 3 * 24 * 3600
+    os.utime(old, (three_days_ago, three_days_ago))
     store.fetch("net", quiet)
     assert not old.exists()
     assert recent.exists(), "another process may still be writing there"
@@ -309,6 +309,7 @@ def test_own_files_are_added_and_found_before_fetched_ones(tmp_path: Path, singl
     mine.write_bytes(b"mine")
     added = store.add(mine, None, "disparity")
     assert added.read_bytes() == b"mine"
+    assert added.stat().st_mode == mine.stat().st_mode, "others may read a shared models directory"
     assert store.find("disparity") == added
     by_hand = store.models_dir / "disparity" / "0-by-hand.onnx"
     by_hand.write_bytes(b"hand")

@@ -1,0 +1,153 @@
+"""The task runner: same sources give the same extension, and a finished environment is left alone."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import tomllib
+import zipfile
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import ModuleType
+
+
+@pytest.fixture(scope="module")
+def build(repo_root: Path) -> ModuleType:
+    """build.py as a module."""
+    spec = importlib.util.spec_from_file_location("build_runner", repo_root / "build.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def extension(build: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The built extension."""
+    return build.stage_extension(tmp_path_factory.mktemp("dist"))
+
+
+def test_extension_carries_the_solver_as_a_wheel(build: ModuleType, extension: Path) -> None:
+    with zipfile.ZipFile(extension) as archive:
+        manifest = tomllib.loads(archive.read("blender_manifest.toml").decode())
+        names = archive.namelist()
+        assert len(manifest["wheels"]) == 1
+        wheel = manifest["wheels"][0].removeprefix("./")
+        assert wheel in names
+        with archive.open(wheel) as data, zipfile.ZipFile(data) as solver:
+            inside = solver.namelist()
+    assert wheel.endswith("-py3-none-any.whl")
+    assert "core_solver/take/__init__.py" in inside
+    assert "core_solver/perception/models.toml" in inside
+    assert extension.name == f"scene_aware_mocap-{manifest['version']}.zip"
+    assert {"__init__.py", "LICENSE"} <= set(names)
+    assert not [name for name in names if "__pycache__" in name or name.endswith(".pyc")]
+
+
+def test_extension_is_the_same_twice(build: ModuleType, extension: Path, tmp_path: Path) -> None:
+    again = build.stage_extension(tmp_path)
+    assert again.read_bytes() == extension.read_bytes()
+    assert list(tmp_path.iterdir()) == [again], "nothing of the staging stays"
+
+
+def test_versions_agree(build: ModuleType, repo_root: Path) -> None:
+    project = tomllib.loads((repo_root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    manifest = tomllib.loads((repo_root / "blender_addon" / "blender_manifest.toml").read_text(encoding="utf-8"))
+    assert project["version"] == manifest["version"]
+    from core_solver import __version__
+
+    assert __version__ == project["version"]
+
+
+def test_manifest_without_the_line_is_refused(build: ModuleType, tmp_path: Path) -> None:
+    manifest = tmp_path / "blender_manifest.toml"
+    manifest.write_text('version = "1"\nwheels = ["./old.whl"]\n')
+    with pytest.raises(build.BuildError, match=r"wheels = \[\]"):
+        build.name_wheel(manifest, "new.whl")
+
+
+def make(build: ModuleType, folder: Path, stamp: str, installs: list[Path]) -> Path:
+    """An environment whose installation is only noted."""
+    return build.make_environment(folder, sys.executable, stamp, installs.append)
+
+
+def test_environment_is_made_once_per_fingerprint(build: ModuleType, tmp_path: Path) -> None:
+    folder = tmp_path / "venv"
+    installs: list[Path] = []
+    python = make(build, folder, "one", installs)
+    assert subprocess.run([python, "-c", "print(1)"], check=True, capture_output=True).stdout.strip() == b"1"
+    assert make(build, folder, "one", installs) == python
+    assert len(installs) == 1
+    make(build, folder, "two", installs)
+    assert len(installs) == 2
+
+
+def test_interrupted_installation_is_not_taken_for_finished(build: ModuleType, tmp_path: Path) -> None:
+    folder = tmp_path / "venv"
+
+    def fail(_python: Path) -> None:
+        raise build.BuildError("no network")
+
+    with pytest.raises(build.BuildError):
+        build.make_environment(folder, sys.executable, "one", fail)
+    assert not build.is_ready(folder, "one")
+
+
+def test_fingerprint_follows_the_constraints(
+    build: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = build.fingerprint("main")
+    changed = tmp_path / "constraints.txt"
+    changed.write_bytes(build.CONSTRAINTS.read_bytes() + b"x==1\n")
+    monkeypatch.setattr(build, "CONSTRAINTS", changed)
+    assert build.fingerprint("main") != before
+
+
+def test_constraints_pin_exactly(build: ModuleType) -> None:
+    lines = [line for line in build.CONSTRAINTS.read_text().splitlines() if line and not line.startswith("#")]
+    assert all("==" in line for line in lines)
+    pins = dict(line.split("==") for line in lines)
+    assert pins["numpy"].startswith("1."), "bpy 5.0 needs numpy 1"
+    assert "+" not in pins["torch"], "a local build is chosen by where it comes from, not by the pin"
+
+
+def test_missing_libraries_name_the_command(build: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(build, "missing_system_libraries", lambda: ["libsm6", "libice6"])
+    monkeypatch.setattr(build.shutil, "which", lambda _name: "/usr/bin/apt-get")
+    monkeypatch.setattr(build.os, "geteuid", lambda: 1000)
+    with pytest.raises(build.BuildError, match="sudo apt-get install -y --no-install-recommends libsm6 libice6"):
+        build.install_system_libraries()
+
+
+def test_unknown_blender_is_refused(build: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    assert build.main(["test", "--blender", "1.0"]) == 2
+    assert "choose one of 4.2" in capsys.readouterr().err
+
+
+def test_blender_without_its_python_is_skipped(
+    build: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(build, "find_python", lambda _version: None)
+    assert build.main(["test", "--blender", "5.2"]) == 0
+    assert "Blender 5.2: skipped" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["demo", "test", "extension", "clean"])
+def test_commands_have_help(repo_root: Path, command: str) -> None:
+    done = subprocess.run([sys.executable, repo_root / "build.py", command, "--help"], check=True, capture_output=True)
+    assert command in done.stdout.decode()
+
+
+def test_clean_removes_only_what_was_built(build: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in (".venv", ".venv-bpy-4.2", "out", "dist", "build", "core_solver"):
+        (tmp_path / name).mkdir()
+    monkeypatch.setattr(build, "ROOT", tmp_path)
+    assert build.main(["clean"]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["core_solver"]
