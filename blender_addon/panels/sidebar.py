@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Mocap tab of the 3D view's sidebar."""
+
+import bpy
+
+from ..operators.import_take import ImportTake  # noqa: TID252 - only Blender knows the full name
+
+
+class MocapPanel(bpy.types.Panel):
+    bl_idname = "VIEW3D_PT_scene_aware_mocap"
+    bl_label = "Scene-Aware Mocap"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Mocap"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.operator(ImportTake.bl_idname, text="Import Take", icon="IMPORT")
+        person = context.object
+        if person is None or "person_id" not in person:
+            return
+        box = self.layout.box()
+        box.label(text=person.name, icon="ARMATURE_DATA")
+        box.label(text=f"Height {person['height_m']:.2f} m")
+        box.label(text=f"Body {person['body_model']} ({person['body_licence']})")

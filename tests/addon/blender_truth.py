@@ -1,0 +1,50 @@
+"""What Blender really evaluates and projects, read back as arrays."""
+
+from typing import Any
+
+import numpy as np
+
+from core_solver.take import JOINT_NAMES, Person
+
+
+def armature_of(bpy: Any, person: Person) -> Any:
+    return next(o for o in bpy.data.objects if o.type == "ARMATURE" and o.get("person_id") == person.id)
+
+
+def bone_heads(bpy: Any, armature: Any, frame_count: int, first_frame: int = 1) -> np.ndarray:
+    """(T, 24, 3) evaluated world positions, in the order of the take's joints."""
+    heads = []
+    for frame in range(first_frame, first_frame + frame_count):
+        bpy.context.scene.frame_set(frame)
+        evaluated = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        to_world = np.array(evaluated.matrix_world)
+        bones = np.array([evaluated.pose.bones[name].head[:] for name in JOINT_NAMES])
+        heads.append(bones @ to_world[:3, :3].T + to_world[:3, 3])
+    return np.array(heads)
+
+
+def evaluated_vertices(bpy: Any, obj: Any, frame_count: int, first_frame: int = 1) -> np.ndarray:
+    """(T, V, 3) world positions with all modifiers."""
+    frames = []
+    for frame in range(first_frame, first_frame + frame_count):
+        bpy.context.scene.frame_set(frame)
+        evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        mesh = evaluated.to_mesh()
+        points = np.empty(3 * len(mesh.vertices), np.float32)
+        mesh.vertices.foreach_get("co", points)
+        to_world = np.array(evaluated.matrix_world)
+        frames.append(points.reshape(-1, 3) @ to_world[:3, :3].T + to_world[:3, 3])
+        evaluated.to_mesh_clear()
+    return np.array(frames)
+
+
+def pixels_through_camera(bpy: Any, points: np.ndarray) -> np.ndarray:
+    """(..., 2) pixels, from the image's top left corner, where Blender's active camera sees world points."""
+    from bpy_extras.object_utils import world_to_camera_view
+    from mathutils import Vector
+
+    scene = bpy.context.scene
+    seen = np.array([world_to_camera_view(scene, scene.camera, Vector(p)) for p in points.reshape(-1, 3)])
+    width, height = scene.render.resolution_x, scene.render.resolution_y
+    pixels = np.stack([seen[:, 0] * width, (1 - seen[:, 1]) * height], axis=-1)
+    return pixels.reshape(*points.shape[:-1], 2)
