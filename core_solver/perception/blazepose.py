@@ -97,6 +97,7 @@ class BlazePose:
         Raises:
             ModelError: unreadable, or another kind of network.
         """
+        self.path = path
         # On one core this network runs as fast as on two: the other is left to the other networks.
         self._network = _interpreter(path)
         self._input = self._network.get_input_details()[0]["index"]

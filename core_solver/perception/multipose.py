@@ -14,6 +14,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from core_solver.errors import ModelError
+from core_solver.perception.onnx_session import open_session
 
 Floats = NDArray[np.float32]
 Image = NDArray[np.uint8]
@@ -77,7 +78,8 @@ class MultiPose:
         Raises:
             ModelError: unreadable, or another kind of network.
         """
-        self._session = _session(path, threads)
+        self.path = path
+        self._session = open_session(path, threads)
         self._input = self._session.get_inputs()[0].name
         self._fixed_size = _fixed_size(path, self._session)
         self._least_score = least_score
@@ -201,16 +203,6 @@ def _is_cut(box: Floats, view: View, width: int, height: int) -> bool:
         or (view.left + view.width < width and right > view.left + view.width - margin)
         or (view.top + view.height < height and bottom > view.top + view.height - margin)
     )
-
-
-def _session(path: Path, threads: int) -> onnxruntime.InferenceSession:
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.log_severity_level = 3
-    try:
-        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's errors have no public base class
-        raise ModelError(f"{path.name} is no readable ONNX network: fetch it again") from error
 
 
 def _fixed_size(path: Path, session: onnxruntime.InferenceSession) -> tuple[int, int] | None:

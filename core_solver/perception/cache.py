@@ -1,0 +1,231 @@
+"""Observations on disk, so that an interrupted run can go on and long clips need little memory.
+
+`NAME.work/observations/` holds `key.json`, which names the video, the frames and the networks, and chunks of frames as
+plain numpy archives. A chunk appears whole or not at all.
+"""
+
+import errno
+import hashlib
+import json
+import os
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core_solver.errors import UserError
+from core_solver.perception.observations import CroppedMask, Detection, FrameInfo, FrameObservations
+from core_solver.perception.perceive import Networks, perceive
+from core_solver.progress import Progress
+from core_solver.video import VideoClip
+
+_VERSION = 1  # raise when observations change their meaning
+_CHUNK_FRAMES = 32
+_HEAD_BYTES = 1 << 20
+_FOLDER = "observations"
+_KEY_FILE = "key.json"
+_DAMAGED = (OSError, ValueError, KeyError, EOFError, IndexError, zipfile.BadZipFile)
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Observations in a folder; iterating reads one chunk after the other, as often as wanted.
+
+    Attributes:
+        folder: where they lie.
+        frame_count: how many frames there are.
+    """
+
+    folder: Path
+    frame_count: int
+
+    def __len__(self) -> int:
+        return self.frame_count
+
+    def __iter__(self) -> Iterator[FrameObservations]:
+        for number in range(chunk_count(self.frame_count)):
+            yield from read_chunk(_chunk_path(self.folder, number))
+
+
+def observe(clip: VideoClip, networks: Networks, work: Path, progress: Progress, *, resume: bool) -> Observations:
+    """Observe a clip and keep the result.
+
+    Args:
+        clip: the video.
+        networks: what to look with.
+        work: the take's work directory, made when missing; observations lie in its folder of that name.
+        progress: shows one stage.
+        resume: keep what an earlier run on the same video, frames and networks has left.
+
+    Raises:
+        UserError: the folder cannot be written, or the disk is full.
+        VideoError: a frame cannot be decoded.
+        ModelError: the depth network does not fit.
+    """
+    key = observation_key(clip, networks.files_for(clip.width, clip.height))
+    count, folder = len(clip.frame_list), work / _FOLDER
+    try:
+        _prepare(folder, key, resume=resume)
+        missing = [n for n in range(chunk_count(count)) if not is_whole(_chunk_path(folder, n), clip, n)]
+        if len(missing) < chunk_count(count):
+            progress.note(f"{chunk_count(count) - len(missing)} of {chunk_count(count)} parts are kept")
+        _fill(clip, networks, folder, progress, missing)
+    except OSError as error:
+        raise UserError(_explain(folder, error)) from error
+    return Observations(folder, count)
+
+
+def read_observations(work: Path) -> Observations:
+    """The finished observations in a take's work directory.
+
+    Raises:
+        UserError: there are none, or they are not finished.
+    """
+    folder = work / _FOLDER
+    try:
+        count = int(json.loads((folder / _KEY_FILE).read_text())["frame_count"])
+    except _DAMAGED as error:
+        raise UserError(f"no observations in {folder}: run solve first") from error
+    if not all(_chunk_path(folder, n).is_file() for n in range(chunk_count(count))):
+        raise UserError(f"the observations in {folder} are not finished: run solve again with --resume")
+    return Observations(folder, count)
+
+
+def observation_key(clip: VideoClip, files: Sequence[Path]) -> str:
+    """JSON that changes with anything that changes the observations."""
+    stat = clip.path.stat()
+    with clip.path.open("rb") as video:
+        head = hashlib.sha256(video.read(_HEAD_BYTES)).hexdigest()
+    return json.dumps(
+        {
+            "version": _VERSION,
+            "video": {"name": clip.path.name, "size": stat.st_size, "mtime_ns": stat.st_mtime_ns, "head": head},
+            "frame_count": len(clip.frame_list),
+            "first_frame": clip.frame_list[0].index,
+            "every": clip.every,
+            "networks": {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
+        },
+        indent=1,
+    )
+
+
+def chunk_count(frame_count: int) -> int:
+    """How many chunks hold this many frames."""
+    return -(-frame_count // _CHUNK_FRAMES)
+
+
+def chunk_positions(frame_count: int, number: int) -> range:
+    """Positions in the clip's frame list that a chunk holds."""
+    return range(number * _CHUNK_FRAMES, min((number + 1) * _CHUNK_FRAMES, frame_count))
+
+
+def is_whole(path: Path, clip: VideoClip, number: int) -> bool:
+    """Whether a chunk is there, undamaged, and holds the frames it should."""
+    try:
+        frames = tuple(o.frame for o in read_chunk(path))
+    except _DAMAGED:
+        return False
+    return frames == tuple(clip.frame_list[p] for p in chunk_positions(len(clip.frame_list), number))
+
+
+def write_chunk(path: Path, observations: Sequence[FrameObservations]) -> None:
+    """Write some frames at once; the file appears whole or not at all."""
+    people = [d for o in observations for d in o.detections]
+    arrays = {
+        "index": np.array([o.frame.index for o in observations], np.int64),
+        "time": np.array([o.frame.time for o in observations], np.float64),
+        "people": np.array([len(o.detections) for o in observations], np.int64),
+        "score": np.array([d.score for d in people], np.float64),
+        "mask_place": np.array([(d.mask.top, d.mask.left, *d.mask.values.shape) for d in people], np.int64),
+        "mask_values": np.concatenate([np.zeros(0, np.uint8), *(d.mask.values.ravel() for d in people)]),
+    }
+    arrays |= {name: np.array([getattr(d, name) for d in people], np.float32) for name in _PER_PERSON}
+    planes = [o.disparity for o in observations if o.disparity is not None]
+    if len(planes) == len(observations):
+        arrays["disparity"] = np.stack(planes)
+    _write_atomically(path, arrays)
+
+
+def read_chunk(path: Path) -> list[FrameObservations]:
+    """The frames of a chunk, as written.
+
+    Raises:
+        OSError, ValueError, KeyError, EOFError, IndexError, BadZipFile: missing or damaged.
+    """
+    with np.load(path, allow_pickle=False) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    detections = _detections(arrays)
+    ends = np.cumsum(arrays["people"])
+    if ends[-1] != len(detections):
+        raise ValueError(f"{path.name} is damaged")
+    planes = arrays.get("disparity", [None] * len(ends))
+    return [
+        FrameObservations(FrameInfo(int(index), float(time)), tuple(detections[end - people : end]), plane)
+        for index, time, people, end, plane in zip(
+            arrays["index"], arrays["time"], arrays["people"], ends, planes, strict=True
+        )
+    ]
+
+
+_PER_PERSON = ("box", "keypoints", "confidence", "landmarks", "appearance")
+
+
+def _detections(arrays: dict[str, NDArray]) -> list[Detection]:
+    detections, start = [], 0
+    for i, (top, left, height, width) in enumerate(arrays["mask_place"].tolist()):
+        values = arrays["mask_values"][start : start + height * width].reshape(height, width)
+        start += height * width
+        rows = {name: arrays[name][i] for name in _PER_PERSON}
+        detections.append(Detection(score=float(arrays["score"][i]), mask=CroppedMask(top, left, values), **rows))
+    return detections
+
+
+def _prepare(folder: Path, key: str, *, resume: bool) -> None:
+    """An empty folder with this key, or the one of an earlier run with the same key."""
+    folder.mkdir(parents=True, exist_ok=True)
+    key_file = folder / _KEY_FILE
+    if resume and key_file.is_file() and key_file.read_text() == key:
+        return
+    for old in folder.glob("*.npz"):
+        old.unlink()
+    partial = key_file.with_suffix(".partial")
+    partial.write_text(key)
+    partial.replace(key_file)
+
+
+def _fill(clip: VideoClip, networks: Networks, folder: Path, progress: Progress, missing: Sequence[int]) -> None:
+    """Compute the missing chunks in one pass over the video."""
+    positions = [p for n in missing for p in chunk_positions(len(clip.frame_list), n)]
+    if not positions:
+        return
+    stream = perceive(clip, networks, progress, positions)
+    for number in missing:
+        chunk = [next(stream) for _ in chunk_positions(len(clip.frame_list), number)]
+        write_chunk(_chunk_path(folder, number), chunk)
+    for _ in stream:  # lets the stage end
+        pass
+
+
+def _chunk_path(folder: Path, number: int) -> Path:
+    return folder / f"{number:05d}.npz"
+
+
+def _write_atomically(path: Path, arrays: dict[str, NDArray]) -> None:
+    partial = path.with_suffix(".partial")
+    try:
+        with partial.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _explain(folder: Path, error: OSError) -> str:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return f"the disk is full: make room for {folder} and run again with --resume"
+    return f"cannot keep observations in {folder} ({error.strerror or error}): choose another output path"

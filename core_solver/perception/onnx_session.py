@@ -1,0 +1,24 @@
+"""Opening ONNX files: one place for threads and for words about damaged files."""
+
+from pathlib import Path
+
+import onnxruntime
+
+from core_solver.errors import ModelError
+
+
+def open_session(path: Path, threads: int) -> onnxruntime.InferenceSession:
+    """A session on the processor.
+
+    Raises:
+        ModelError: the file is missing, damaged or uses operators that onnxruntime lacks.
+    """
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    # Waiting threads must not eat the core on which another network runs.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.log_severity_level = 4
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime's errors have no public base class
+        raise ModelError(f"{path.name} is no readable ONNX network: fetch it again") from error

@@ -1,0 +1,130 @@
+"""From frames to observations: the default networks, one frame after the other."""
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core_solver.perception.blazepose import BlazePose
+from core_solver.perception.disparity import DisparityNetwork, disparity_files, open_disparity
+from core_solver.perception.fusion import fuse, without_doubles
+from core_solver.perception.multipose import MultiPose, Pose
+from core_solver.perception.observations import Detection, FrameInfo, FrameObservations
+from core_solver.perception.store import ModelStore
+from core_solver.progress import Progress
+from core_solver.video import VideoClip
+
+Image = NDArray[np.uint8]
+
+_LABEL_LONG_SIDE = 384
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Networks:
+    """What a frame is shown to.
+
+    Attributes:
+        people: finds people.
+        body: looks at each of them.
+        disparity_files: depth networks of one family in several shapes, of which the one nearest the video's shape is
+            used; empty without depth.
+    """
+
+    people: MultiPose
+    body: BlazePose
+    disparity_files: tuple[Path, ...]
+
+    def files_for(self, width: int, height: int) -> tuple[Path, ...]:
+        """The files that decide what is seen in a video of this size."""
+        disparity = self.open_disparity(width, height)
+        return (self.people.path, self.body.path, *((disparity.path,) if disparity else ()))
+
+    def open_disparity(self, width: int, height: int) -> DisparityNetwork | None:
+        """The depth network for a video of this size, if there is one."""
+        return open_disparity(self.disparity_files, width, height)
+
+
+def load_networks(store: ModelStore, depth: Path | None) -> Networks:
+    """Load the default networks, fetching them on first use.
+
+    Args:
+        store: where models lie.
+        depth: an ONNX disparity network, or a folder with one in several shapes; None for what the store holds.
+
+    Raises:
+        ModelError: a network is not to be had, or is damaged.
+    """
+    files = store.files("disparity") if depth is None else disparity_files(depth)
+    return Networks(
+        MultiPose(store.require("movenet-multipose")),
+        BlazePose(store.require("blazepose-full")),
+        files,
+    )
+
+
+def label_size(width: int, height: int) -> tuple[int, int]:
+    """(width, height) of the grid on which people are labelled, in a picture of this size."""
+    scale = min(_LABEL_LONG_SIDE / max(width, height), 1.0)
+    return max(round(width * scale), 1), max(round(height * scale), 1)
+
+
+def perceive(
+    clip: VideoClip, networks: Networks, progress: Progress, positions: Sequence[int] | None = None
+) -> Iterator[FrameObservations]:
+    """Observe a clip frame by frame; memory does not grow with its length.
+
+    Args:
+        clip: the video.
+        networks: what to look with.
+        progress: shows one stage.
+        positions: increasing positions in the clip's frame list; None for all.
+
+    Raises:
+        VideoError: a frame cannot be decoded.
+        ModelError: the depth network does not fit.
+    """
+    positions = range(len(clip.frame_list)) if positions is None else positions
+    disparity = networks.open_disparity(clip.width, clip.height)
+    with progress.stage("look at people", len(positions)) as advance:
+        # While BlazePose, which uses one core, looks at one frame, the next one is decoded and searched for people.
+        for found in _one_ahead(_find_people(clip, positions, networks.people, disparity)):
+            yield FrameObservations(found.frame, look_at(found.image, found.poses, networks.body), found.disparity)
+            advance(1)
+
+
+def look_at(image: Image, poses: Sequence[Pose], body: BlazePose) -> tuple[Detection, ...]:
+    """The people in a (H, W, 3) BGR picture, from where MoveNet found them."""
+    picture = image.shape[1], image.shape[0]
+    fused = [fuse(pose, body(image, pose), picture, label_size(*picture)) for pose in poses]
+    return without_doubles([detection for detection in fused if detection is not None])
+
+
+@dataclass(frozen=True)
+class _Found:
+    frame: FrameInfo
+    image: Image
+    poses: tuple[Pose, ...]
+    disparity: NDArray[np.float16] | None
+
+
+def _find_people(
+    clip: VideoClip, positions: Sequence[int], people: MultiPose, disparity: DisparityNetwork | None
+) -> Iterator[_Found]:
+    for frame, image in clip.frames_at(positions):
+        yield _Found(frame, image, people(image), disparity(image) if disparity else None)
+
+
+def _one_ahead(items: Iterator[_T]) -> Iterator[_T]:
+    """The same items, each made in another thread while the one before is used."""
+    end = object()
+    with ThreadPoolExecutor(max_workers=1) as worker:
+        coming = worker.submit(next, items, end)
+        while (item := coming.result()) is not end:
+            coming = worker.submit(next, items, end)
+            yield item  # type: ignore[misc]
