@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """File > Import > Scene-Aware Mocap (.npz)."""
 
-# pyright: reportInvalidTypeForm=false  (Blender declares properties as annotations)
+# Blender declares properties as annotations.
+# pyright: reportInvalidTypeForm=false
 
 from pathlib import Path
 

@@ -52,12 +52,12 @@ def build_cloud(
 def point_radii(scene: Scene, camera: CameraModel) -> NDArray[np.float32]:
     """(P,) metres: with so many points spread over the image, neighbours just touch when seen from the camera."""
     spacing = math.sqrt(camera.width * camera.height / max(len(scene.points), 1))
-    return np.asarray(0.5 * spacing / camera.fx * scene.points[:, 2], np.float32)
+    return np.float32(0.5 * spacing / camera.fx) * scene.points[:, 2]
 
 
 def _rgba(colours: NDArray[np.uint8]) -> NDArray[np.float32]:
     alpha = np.full((len(colours), 1), 255, np.uint8)
-    return np.concatenate([colours, alpha], axis=1).astype(np.float32) / 255
+    return np.concatenate([colours, alpha], axis=1).astype(np.float32) / np.float32(255)
 
 
 def _colour_material() -> bpy.types.Material:

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""People and camera to one GLB or FBX file, whole or not at all."""
+
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import bpy
+
+from core_solver.errors import UserError
+
+
+class ExportError(UserError):
+    """A file that cannot be written."""
+
+
+def export_objects(context: bpy.types.Context, objects: Sequence[bpy.types.Object], path: Path) -> None:
+    """Write objects with their motion; the file's ending, .glb or .fbx, chooses the format.
+
+    An old file at `path` is replaced only when the new one is complete. The scene's selection changes.
+
+    Args:
+        context: in object mode.
+        objects: what to write: armatures with their bodies, a camera.
+        path: the file.
+
+    Raises:
+        ExportError: another ending, a missing exporter, or the disk refuses the file.
+    """
+    write = writer_of(path)
+    _select(context, objects)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
+            part = Path(folder) / path.name
+            write(str(part))
+            part.replace(path)
+    except (OSError, RuntimeError) as error:
+        reason = getattr(error, "strerror", None) or str(error).strip().splitlines()[-1]
+        raise ExportError(f"cannot write {path}: {reason}") from error
+
+
+def writer_of(path: Path) -> Callable[[str], None]:
+    """The function that writes the selected objects in the format of a file's ending.
+
+    Raises:
+        ExportError: another ending.
+    """
+    writers = {".glb": _write_glb, ".fbx": _write_fbx}
+    writer = writers.get(path.suffix.lower())
+    if writer is None:
+        raise ExportError(f"cannot write {path.name}: choose a name that ends in .glb or .fbx")
+    return writer
+
+
+def _write_glb(path: str) -> None:
+    # "Active actions" is one animation in which every person moves; with others a player shows one person at a time.
+    bpy.ops.export_scene.gltf(
+        filepath=path,
+        export_format="GLB",
+        use_selection=True,
+        export_animation_mode="ACTIVE_ACTIONS",
+        export_nla_strips_merged_animation_name=Path(path).stem,
+        export_cameras=True,
+        export_extras=True,
+    )
+
+
+def _write_fbx(path: str) -> None:
+    # By default the exporter simplifies curves by millimetres, gives everybody the first person's action and adds
+    # bones at the ends.
+    bpy.ops.export_scene.fbx(
+        filepath=path,
+        use_selection=True,
+        object_types={"ARMATURE", "MESH", "CAMERA"},
+        add_leaf_bones=False,
+        mesh_smooth_type="FACE",
+        bake_anim=True,
+        bake_anim_use_all_actions=False,
+        bake_anim_use_nla_strips=False,
+        bake_anim_simplify_factor=0.0,
+    )
+
+
+def _select(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> None:
+    for other in context.view_layer.objects:
+        other.select_set(False)
+    for obj in objects:
+        obj.select_set(True)
