@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from core_solver.tracking.sights import Sight, box_overlaps, keypoint_distances, stacked
+from core_solver.tracking.sights import Sight, body_distances, box_overlaps, stacked
 from core_solver.tracking.tracklets import End, Tracklet, state_at_end
 
 Array = NDArray[np.float64]
@@ -17,6 +17,7 @@ _GATE = 0.20  # sizes: how far a body may lie from its prediction in the next fr
 _GATE_GROWTH = 1.0  # sizes a second of gap
 _GATE_UNKNOWN_MOTION = 2.0  # sizes a second more, while only one sight is known
 _SIZE_RATIO = 1.8  # boxes shrink when legs hide, but not by more from one sight to the next
+_EXCHANGE_PENALTY = 0.05  # sizes: left and right taken for each other only where that explains much
 _OVERLAP_WEIGHT = 0.3
 _APPEARANCE_WEIGHT = 1.0
 
@@ -63,12 +64,13 @@ def _costs(ends: list[End], motion_known: NDArray[np.bool_], sights: Sequence[Si
     sizes = np.array([end.size for end in ends])
     gates = (_GATE + gaps * (_GATE_GROWTH + np.where(motion_known, 0, _GATE_UNKNOWN_MOTION))) * sizes
 
-    distances = keypoint_distances(
+    direct, exchanged = body_distances(
         stacked(last, "keypoints") + shifts[:, None],
         stacked(last, "confidence"),
         stacked(sights, "keypoints"),
         stacked(sights, "confidence"),
     )
+    distances = np.fmin(direct, exchanged + _EXCHANGE_PENALTY * sizes[:, None])
     centres = np.stack([end.sight.centre for end in ends]) + shifts
     between_centres = np.linalg.norm(centres[:, None] - np.stack([s.centre for s in sights])[None], axis=-1)
     distances = np.where(np.isnan(distances), between_centres, distances)

@@ -26,7 +26,7 @@ def fill_track(person: Tracklet, track_id: int, times: Array) -> Track:
     seen_confidence = stacked(person.sights, "confidence")
 
     adjacent = _have_both_neighbours(rows)
-    order = swap_flipped_sides(keypoints, seen_confidence, sizes, adjacent)
+    order = swap_flipped_sides(keypoints, seen_confidence, sizes, times[rows])
     keypoints = np.take_along_axis(keypoints, order[..., None], axis=1)
     landmarks = np.take_along_axis(landmarks, order[..., None], axis=1)
     seen_confidence = np.take_along_axis(seen_confidence, order, axis=1)

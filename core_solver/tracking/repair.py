@@ -4,56 +4,74 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core_solver.body.skeleton import KEYPOINT_NAMES, keypoint_index
+from core_solver.tracking.sights import OTHER_SIDE
 
 Array = NDArray[np.float64]
 
 _OUTLIER = 0.15  # sizes away from the middle of the neighbours
 _FLIP_GAIN = 0.4  # a swap of sides must bring the keypoints this much nearer to be believed
 _FLIP_DISTANCE = 0.06  # sizes: below this left and right lie so close that a swap means nothing
+_FLIP_SECONDS = 1.0  # a longer stretch is somebody who really turned round
+_COMPARED_SECONDS = 0.25  # sights further apart say nothing about swaps: limbs move
 
-_LEGS = ("hip", "knee", "ankle", "heel", "toe")
-_ARMS = ("shoulder", "elbow", "wrist", "index", "pinky")
-
-
-def _sides(parts: tuple[str, ...]) -> tuple[list[int], list[int]]:
-    left = [keypoint_index(f"left_{part}") for part in parts]
-    right = [keypoint_index(f"right_{part}") for part in parts]
-    return left + right, right + left
+_UPPER = ("eye", "ear", "shoulder", "elbow", "wrist", "index", "pinky")
+_LOWER = ("hip", "knee", "ankle", "heel", "toe")
 
 
-_LIMBS = (_sides(_LEGS), _sides(_ARMS))
+def _both_sides(parts: tuple[str, ...]) -> NDArray[np.int64]:
+    return np.array([keypoint_index(f"{side}_{part}") for side in ("left", "right") for part in parts])
 
 
-def swap_flipped_sides(
-    keypoints: Array, confidence: Array, sizes: Array, adjacent: NDArray[np.bool_]
-) -> NDArray[np.int64]:
-    """Find single frames whose left and right legs or arms are exchanged.
+_HALVES = (_both_sides(_UPPER), _both_sides(_LOWER))
+
+
+def swap_flipped_sides(keypoints: Array, confidence: Array, sizes: Array, times: Array) -> NDArray[np.int64]:
+    """Find short stretches in which the sides of the upper or the lower body are exchanged.
 
     Args:
         keypoints: (n, 25, 2) pixels, of the sights in order of time.
         confidence: (n, 25).
         sizes: (n,) pixels.
-        adjacent: (n,) whether the sights before and after are in the neighbouring frames.
+        times: (n,) seconds.
 
     Returns:
         (n, 25) for each sight the index of the keypoint to take instead: the identity where all is well.
     """
     order = np.tile(np.arange(len(KEYPOINT_NAMES)), (len(keypoints), 1))
-    middle = neighbour_middle(keypoints)
-    for own, other in _LIMBS:
-        weight = confidence[:, own] + 1e-9
-
-        def mean_distance(indices: list[int], weight: Array = weight, own: list[int] = own) -> Array:
-            apart = np.linalg.norm(keypoints[:, indices] - middle[:, own], axis=-1)
-            return (apart * weight).sum(1) / weight.sum(1) / sizes
-
-        kept, swapped = mean_distance(own), mean_distance(other)
-        flipped = adjacent & (kept > _FLIP_DISTANCE) & (swapped < _FLIP_GAIN * kept)
-        # Beside a flipped frame the middle is wrong too; only the frame that gains most is the flipped one.
-        gain = np.where(flipped, kept - swapped, 0)
-        flipped &= (gain >= np.roll(gain, 1)) & (gain >= np.roll(gain, -1))
-        order[np.flatnonzero(flipped)[:, None], own] = other
+    for half in _HALVES:
+        for start, stop in _flipped_runs(_changes_of_side(keypoints, confidence, sizes, times, half), times):
+            order[start:stop, half] = OTHER_SIDE[half]
     return order
+
+
+def _changes_of_side(
+    keypoints: Array, confidence: Array, sizes: Array, times: Array, half: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Sights that fit the one before them only with the sides exchanged."""
+    before, weight_before = keypoints[:-1, half], confidence[:-1, half]
+
+    def step(indices: NDArray[np.int64]) -> Array:
+        weight = weight_before * confidence[1:, indices] + 1e-9
+        apart = np.linalg.norm(keypoints[1:, indices] - before, axis=-1)
+        return (apart * weight).sum(1) / weight.sum(1) / sizes[1:]
+
+    kept, exchanged = step(half), step(OTHER_SIDE[half])
+    close_in_time = np.diff(times) <= _COMPARED_SECONDS
+    return np.flatnonzero(close_in_time & (kept > _FLIP_DISTANCE) & (exchanged < _FLIP_GAIN * kept)) + 1
+
+
+def _flipped_runs(changes: NDArray[np.int64], times: Array) -> list[tuple[int, int]]:
+    """Stretches (start, stop) between a change of side and the change back soon after."""
+    runs: list[tuple[int, int]] = []
+    start = 0
+    while start + 1 < len(changes):
+        first, back = int(changes[start]), int(changes[start + 1])
+        if times[back] - times[first] <= _FLIP_SECONDS:
+            runs.append((first, back))
+            start += 2
+        else:
+            start += 1
+    return runs
 
 
 def outlier_factor(keypoints: Array, sizes: Array, adjacent: NDArray[np.bool_]) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core_solver.body.skeleton import keypoint_index
+from core_solver.body.skeleton import KEYPOINT_NAMES, keypoint_index
 from core_solver.perception.observations import CroppedMask, Detection, FrameObservations
 
 Array = NDArray[np.float64]
@@ -15,6 +15,14 @@ _TORSO = [keypoint_index(f"{side}_{part}") for side in ("left", "right") for par
 _DUPLICATE_DISTANCE = 0.06  # of a person's size: two readings of one body agree better, two neighbours do not
 _CONFIDENT = 0.2
 _MIN_SHARED_KEYPOINTS = 5
+
+
+def _other_side(name: str) -> str:
+    return name.replace("left_", "RIGHT_").replace("right_", "left_").replace("RIGHT_", "right_")
+
+
+OTHER_SIDE = np.array([keypoint_index(_other_side(name)) for name in KEYPOINT_NAMES])
+"""For each keypoint the one on the other side of the body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +69,12 @@ def stacked(sights: Sequence[Sight], name: str) -> Array:
     return np.stack([getattr(sight.detection, name) for sight in sights]).astype(float)
 
 
-def keypoint_distances(keypoints_a: Array, confidence_a: Array, keypoints_b: Array, confidence_b: Array) -> Array:
+def body_distances(
+    keypoints_a: Array, confidence_a: Array, keypoints_b: Array, confidence_b: Array
+) -> tuple[Array, Array]:
     """Mean distance of the keypoints two bodies share, weighted by both confidences, in pixels.
+
+    Networks now and then take a person's front for the back: the same body then agrees only with its sides exchanged.
 
     Args:
         keypoints_a: (n, 25, 2).
@@ -71,14 +83,11 @@ def keypoint_distances(keypoints_a: Array, confidence_a: Array, keypoints_b: Arr
         confidence_b: (m, 25).
 
     Returns:
-        (n, m), NaN where too few keypoints are seen in both.
+        Distances as they are and with the sides of b exchanged, each (n, m); NaN where too few keypoints are shared.
     """
-    apart = np.linalg.norm(keypoints_a[:, None] - keypoints_b[None], axis=-1)
-    weight = confidence_a[:, None] * confidence_b[None]
-    shared = ((confidence_a[:, None] > _CONFIDENT) & (confidence_b[None] > _CONFIDENT)).sum(-1)
-    total = weight.sum(-1)
-    mean = (apart * weight).sum(-1) / np.where(total > 0, total, 1)
-    return np.where(shared >= _MIN_SHARED_KEYPOINTS, mean, np.nan)
+    direct = _keypoint_distances(keypoints_a, confidence_a, keypoints_b, confidence_b)
+    exchanged = _keypoint_distances(keypoints_a, confidence_a, keypoints_b[:, OTHER_SIDE], confidence_b[:, OTHER_SIDE])
+    return direct, exchanged
 
 
 def box_overlaps(boxes_a: Array, boxes_b: Array) -> Array:
@@ -89,6 +98,15 @@ def box_overlaps(boxes_a: Array, boxes_b: Array) -> Array:
     area_a, area_b = ((b[:, 2:] - b[:, :2]).prod(-1) for b in (boxes_a, boxes_b))
     union = area_a[:, None] + area_b[None] - common
     return common / np.where(union > 0, union, 1)
+
+
+def _keypoint_distances(keypoints_a: Array, confidence_a: Array, keypoints_b: Array, confidence_b: Array) -> Array:
+    apart = np.linalg.norm(keypoints_a[:, None] - keypoints_b[None], axis=-1)
+    weight = confidence_a[:, None] * confidence_b[None]
+    shared = ((confidence_a[:, None] > _CONFIDENT) & (confidence_b[None] > _CONFIDENT)).sum(-1)
+    total = weight.sum(-1)
+    mean = (apart * weight).sum(-1) / np.where(total > 0, total, 1)
+    return np.where(shared >= _MIN_SHARED_KEYPOINTS, mean, np.nan)
 
 
 def _canonical_key(detection: Detection) -> tuple[float, ...]:
@@ -110,7 +128,7 @@ def _without_duplicates(sights: list[Sight]) -> list[Sight]:
     if len(sights) < 2:
         return sights
     keypoints, confidence = stacked(sights, "keypoints"), stacked(sights, "confidence")
-    distance = keypoint_distances(keypoints, confidence, keypoints, confidence)
+    distance = np.fmin(*body_distances(keypoints, confidence, keypoints, confidence))
     sizes = np.array([s.size for s in sights])
     same = distance < _DUPLICATE_DISTANCE * np.minimum(sizes[:, None], sizes[None])
     worth = [s.detection.score * float(s.detection.confidence.sum()) for s in sights]

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from core_solver.body.skeleton import keypoint_index
+from core_solver.body.skeleton import KEYPOINT_NAMES, keypoint_index
 from core_solver.tracking import track_people
 from tests.solver.tracking.walkers import IMAGE_SIZE, LABEL_SIZE, Walker, film, straight, with_detections
 
@@ -53,3 +53,36 @@ def test_steady_fast_motion_is_no_outlier():
     sprinter = Walker(straight((60, 240), (500, 0)))
     track = track_of(film([sprinter], 1, rate=30))
     assert np.all(track.confidence[track.valid] > 0.85)
+
+
+def mirrored(detection):
+    """The detection by a network that takes front for back: all sides exchanged."""
+    order = [KEYPOINT_NAMES.index(_other(name)) for name in KEYPOINT_NAMES]
+    return replace(detection, keypoints=detection.keypoints[order], landmarks=detection.landmarks[order])
+
+
+def _other(name):
+    side, _, part = name.partition("_")
+    return {"left": "right_", "right": "left_"}[side] + part if part else name
+
+
+def test_a_person_read_back_to_front_for_a_while_keeps_id_and_sides():
+    frames = film([WALKER], 2)
+    flipped = [with_detections(f, map(mirrored, f.detections)) if 33 <= i < 44 else f for i, f in enumerate(frames)]
+    result = track_people(flipped, IMAGE_SIZE, LABEL_SIZE)
+    assert len(result.tracks) == 1
+    assert result.tracks[0].valid.all()
+    upper = [keypoint_index(f"{side}_{part}") for side in ("left", "right") for part in ("shoulder", "elbow", "wrist")]
+    np.testing.assert_array_equal(result.tracks[0].keypoints[:, upper], track_of(frames).keypoints[:, upper])
+
+
+def test_the_same_person_read_from_the_front_and_from_the_back_is_one():
+    frames = [with_detections(f, [*f.detections, *map(mirrored, f.detections)]) for f in film([WALKER], 2)]
+    assert len(track_people(frames, IMAGE_SIZE, LABEL_SIZE).tracks) == 1
+
+
+def test_a_person_who_stays_turned_round_is_believed():
+    frames = film([WALKER], 4)
+    turned = [with_detections(f, map(mirrored, f.detections)) if i >= 50 else f for i, f in enumerate(frames)]
+    track = track_of(turned)
+    np.testing.assert_allclose(track.keypoints[60], turned[60].detections[0].keypoints)
