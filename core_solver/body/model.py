@@ -108,7 +108,7 @@ def load_body(path: Path) -> BodyModel:
         return load_smpl(path)
     with zipfile.ZipFile(path) as archive:
         names = set(archive.namelist())
-    return load_smpl(path) if "v_template.npy" in names else load_open_body(path)
+    return load_open_body(path) if "template.npy" in names else load_smpl(path)
 
 
 def load_open_body(path: Path) -> BodyModel:

@@ -100,6 +100,9 @@ def _place_spine(pose: RestPose, rig: RigPoints) -> Array:
     for name in ("spine1", "spine2", "spine3", "neck", "head"):
         joint = joint_index(name)
         pose.joints[:, joint] = pose.joints[:, PARENTS[joint]] + torso[:, None] * _bone(name)
+    # The typical neck would leave the nape of people who hold the head forward: go half way to where theirs is.
+    neck = joint_index("neck")
+    pose.joints[:, neck, 2] = (pose.joints[:, neck, 2] + rig.at("neck02")[:, 2]) / 2
     return torso
 
 

@@ -51,8 +51,10 @@ def read_smpl_arrays(path: Path) -> SmplArrays:
             weights=_dense(entries["weights"]),
             faces=_dense(entries["f"]).astype(np.int32),
         )
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise ModelError(f"{path} is not an SMPL model: {error} is missing or unreadable") from error
+    except KeyError as error:
+        raise ModelError(f"{path} is not a body model that can be used: it lacks {error}") from error
+    except (TypeError, ValueError, IndexError) as error:
+        raise ModelError(f"{path} is not a body model that can be used: {error}") from error
     _check(path, arrays, entries.get("kintree_table"))
     return arrays
 
@@ -166,7 +168,9 @@ class _ArrayUnpickler(pickle.Unpickler):
             return _SparseMatrix
         if module.startswith("scipy.sparse") and name in {"csr_matrix", "csr_array"}:
             return _SparseRows
-        raise ModelError(f"this model file names {module}.{name}, which no plain body model needs; it was not opened")
+        raise ModelError(
+            f"this model file names {module}.{name}, which a table of arrays does not need: it was not opened"
+        )
 
 
 _KNOWN_NAMES: dict[tuple[str, str], Any] = {
@@ -180,4 +184,6 @@ _KNOWN_NAMES: dict[tuple[str, str], Any] = {
     ("copyreg", "_reconstructor"): _reconstruct_object,
     ("__builtin__", "object"): object,
     ("builtins", "object"): object,
+    ("__builtin__", "set"): set,
+    ("builtins", "set"): set,
 }

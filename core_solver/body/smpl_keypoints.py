@@ -57,13 +57,14 @@ class _Body:
         return row
 
     def joint(self, name: str) -> Array:
-        """(V,) the joint's own row, made convex."""
+        """(V,) the joint's own row, which SMPL's training has made non-negative; rounding below zero is cut off."""
         row = np.maximum(self.regressor[joint_index(name)], 0)
         return row / row.sum()
 
     def nose(self) -> Array:
-        """The most forward vertex of the head's middle, above the chin."""
-        middle = self.head[np.abs(self.vertices[self.head, 0]) < 0.02 * self.head_size]
+        """The most forward of those vertices of the head that are nearest to the middle plane."""
+        from_middle = np.argsort(np.abs(self.vertices[self.head, 0]), kind="stable")
+        middle = self.head[from_middle[: max(1, len(self.head) // 10)]]
         return self.vertices[middle[np.argmax(self.vertices[middle, 2])]]
 
     def eye(self, sign: float) -> Array:

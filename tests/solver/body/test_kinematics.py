@@ -174,9 +174,12 @@ def test_pose_and_shape_are_found_again_from_posed_points():
 
     hidden = np.concatenate([random_pose(8, spread=0.3).ravel(), random_betas(8)])
     truth = forward(torch.tensor(hidden))
-    found = least_squares(
-        lambda x: (forward(torch.tensor(x)) - truth).numpy().ravel(),
-        np.full(82, 0.01),
-        jac=lambda x: torch.func.jacfwd(forward)(torch.tensor(x)).reshape(-1, 82).numpy(),
-    )
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        return (forward(torch.tensor(x)) - truth).numpy().ravel()
+
+    def jacobian(x: np.ndarray) -> np.ndarray:
+        return torch.func.jacfwd(forward)(torch.tensor(x)).reshape(-1, 82).numpy()
+
+    found = least_squares(residuals, np.full(82, 0.01), jac=jacobian)  # pyright: ignore[reportArgumentType]
     np.testing.assert_allclose(found.x, hidden, atol=1e-6)
