@@ -1,0 +1,107 @@
+"""Two opinions on one person, made to agree or disagree."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core_solver.perception.blazepose import MIRRORED_COCO
+from core_solver.perception.fusion import fuse, keypoint_confidence, warp_mask, without_doubles
+from core_solver.perception.perceive import label_size
+from tests.solver.perception.people import standing_body, standing_pose
+
+PICTURE = (800, 600)
+LABELS = label_size(*PICTURE)
+
+
+def test_two_networks_that_agree_give_full_confidence() -> None:
+    pose = standing_pose(300, 100)
+    detection = fuse(pose, standing_body(pose), PICTURE, LABELS)
+    assert detection is not None
+    np.testing.assert_allclose(detection.confidence, 1)
+    assert detection.score == pose.score
+    assert np.all(detection.box[:2] <= detection.keypoints.min(axis=0))
+    assert np.all(detection.box[2:] >= detection.keypoints.max(axis=0))
+    assert np.linalg.norm(detection.appearance) == pytest.approx(1, abs=1e-5)
+
+
+def test_a_disputed_wrist_casts_doubt_on_its_hand_only() -> None:
+    pose = standing_pose(300, 100)
+    body = standing_body(pose)
+    body.keypoints[9] += (80, 0)  # left wrist
+    confidence = keypoint_confidence(pose, body, PICTURE)
+    doubted = [9, 21, 23]
+    assert confidence[doubted].max() < 0.1
+    assert np.delete(confidence, doubted).min() > 0.99
+
+
+def test_what_movenet_did_not_see_is_not_disputed() -> None:
+    pose = standing_pose(300, 100)
+    pose.confidence[9] = 0
+    body = standing_body(pose)
+    body.keypoints[9] += (80, 0)
+    assert keypoint_confidence(pose, body, PICTURE)[9] == 1
+
+
+def test_keypoints_outside_the_picture_were_not_seen() -> None:
+    pose = standing_pose(10, 100)
+    body = standing_body(pose)
+    outside = body.keypoints[:, 0] < 0
+    assert outside.any()
+    np.testing.assert_array_equal(keypoint_confidence(pose, body, PICTURE) == 0, outside)
+
+
+def test_different_things_and_empty_crops_are_no_person() -> None:
+    pose = standing_pose(300, 100)
+    body = standing_body(pose)
+    elsewhere = replace(body, keypoints=body.keypoints + np.float32([90, 0]))
+    assert fuse(pose, elsewhere, PICTURE, LABELS) is None
+    assert fuse(pose, replace(body, presence=0.1), PICTURE, LABELS) is None
+    assert fuse(pose, replace(body, mask=np.zeros((256, 256), np.float32)), PICTURE, LABELS) is None
+
+
+def test_someone_taken_from_behind_stays_but_in_doubt() -> None:
+    pose = standing_pose(300, 100)
+    body = standing_body(pose)
+    body.keypoints[:17] = pose.keypoints[MIRRORED_COCO]
+    detection = fuse(pose, body, PICTURE, LABELS)
+    assert detection is not None
+    assert detection.confidence[[5, 6, 7, 8, 9, 10]].max() < 0.2
+
+
+@pytest.mark.parametrize(("x", "y"), [(300.0, 100.0), (20.0, 100.0), (780.0, 350.0)])
+def test_mask_lies_on_the_label_grid_where_the_person_is(x: float, y: float) -> None:
+    pose = standing_pose(x, y)
+    mask = warp_mask(standing_body(pose), PICTURE, LABELS)
+    scale = LABELS[0] / PICTURE[0]
+    left, top, right, bottom = np.clip(pose.box, 0, np.tile(PICTURE, 2)) * scale
+    assert mask.left == pytest.approx(left, abs=2)
+    assert mask.top == pytest.approx(top, abs=2)
+    assert mask.left + mask.values.shape[1] == pytest.approx(right, abs=2)
+    assert mask.top + mask.values.shape[0] == pytest.approx(bottom, abs=2)
+    assert np.median(mask.values) == 255
+    assert mask.left + mask.values.shape[1] <= LABELS[0]
+    assert mask.top + mask.values.shape[0] <= LABELS[1]
+
+
+def test_a_neighbour_in_the_crop_is_left_out_of_the_mask() -> None:
+    pose = standing_pose(300, 100)
+    body = standing_body(pose)
+    alone = warp_mask(body, PICTURE, LABELS)
+    body.mask[60:200, 5:25] = 1
+    together = warp_mask(body, PICTURE, LABELS)
+    np.testing.assert_array_equal(alone.values, together.values)
+    assert (alone.left, alone.top) == (together.left, together.top)
+
+
+def test_two_finds_that_become_the_same_person_are_one() -> None:
+    detections = [fuse(p, standing_body(p), PICTURE, LABELS) for p in (standing_pose(300, 100, 0.3),
+                  standing_pose(303, 100, 0.6), standing_pose(500, 100, 0.4))]  # fmt: skip
+    kept = without_doubles([d for d in detections if d is not None])
+    assert [d.score for d in kept] == [0.6, 0.4]
+
+
+def test_label_grid_keeps_the_pictures_shape() -> None:
+    assert label_size(1920, 1080) == (384, 216)
+    assert label_size(1088, 1920) == (218, 384)
+    assert label_size(100, 80) == (100, 80)
