@@ -9,6 +9,10 @@ import bpy
 
 from core_solver.errors import UserError
 
+from .glb_clock import stretch_clock
+
+Writer = Callable[[bpy.types.Context, Path], None]
+
 
 class ExportError(UserError):
     """A file that cannot be written."""
@@ -33,14 +37,14 @@ def export_objects(context: bpy.types.Context, objects: Sequence[bpy.types.Objec
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
             part = Path(folder) / path.name
-            write(str(part))
+            write(context, part)
             part.replace(path)
     except (OSError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error).strip().splitlines()[-1]
         raise ExportError(f"cannot write {path}: {reason}") from error
 
 
-def writer_of(path: Path) -> Callable[[str], None]:
+def writer_of(path: Path) -> Writer:
     """The function that writes the selected objects in the format of a file's ending.
 
     Raises:
@@ -53,24 +57,34 @@ def writer_of(path: Path) -> Callable[[str], None]:
     return writer
 
 
-def _write_glb(path: str) -> None:
-    # "Active actions" is one animation in which every person moves; with others a player shows one person at a time.
-    bpy.ops.export_scene.gltf(
-        filepath=path,
-        export_format="GLB",
-        use_selection=True,
-        export_animation_mode="ACTIVE_ACTIONS",
-        export_nla_strips_merged_animation_name=Path(path).stem,
-        export_cameras=True,
-        export_extras=True,
-    )
+def _write_glb(context: bpy.types.Context, path: Path) -> None:
+    render = context.scene.render
+    rate, base = render.fps, render.fps_base
+    # The exporter takes a base other than 1 for its inverse: see `glb_clock`.
+    render.fps_base = 1.0
+    try:
+        # "Active actions" is one animation in which every person moves; in the other modes a player shows one person
+        # at a time.
+        bpy.ops.export_scene.gltf(
+            filepath=str(path),
+            export_format="GLB",
+            use_selection=True,
+            export_animation_mode="ACTIVE_ACTIONS",
+            export_nla_strips_merged_animation_name=path.stem,
+            export_cameras=True,
+            export_extras=True,
+        )
+    finally:
+        render.fps, render.fps_base = rate, base
+    if base != 1.0:
+        stretch_clock(path, base)
 
 
-def _write_fbx(path: str) -> None:
+def _write_fbx(_context: bpy.types.Context, path: Path) -> None:
     # By default the exporter simplifies curves by millimetres, gives everybody the first person's action and adds
     # bones at the ends.
     bpy.ops.export_scene.fbx(
-        filepath=path,
+        filepath=str(path),
         use_selection=True,
         object_types={"ARMATURE", "MESH", "CAMERA"},
         add_leaf_bones=False,

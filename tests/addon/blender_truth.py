@@ -1,5 +1,6 @@
 """What Blender really evaluates and projects, read back as arrays."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,16 @@ def armature_of(bpy: Any, person: Person) -> Any:
     return next(o for o in bpy.data.objects if o.type == "ARMATURE" and o.get("person_id") == person.id)
 
 
-def bone_heads(bpy: Any, armature: Any, frame_count: int, first_frame: int = 1) -> np.ndarray:
+def go_to(bpy: Any, frame: float) -> None:
+    whole = int(frame // 1)
+    bpy.context.scene.frame_set(whole, subframe=frame - whole)
+
+
+def bone_heads(bpy: Any, armature: Any, frames: Iterable[float]) -> np.ndarray:
     """(T, 24, 3) evaluated world positions, in the order of the take's joints."""
     heads = []
-    for frame in range(first_frame, first_frame + frame_count):
-        bpy.context.scene.frame_set(frame)
+    for frame in frames:
+        go_to(bpy, frame)
         evaluated = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
         to_world = np.array(evaluated.matrix_world)
         bones = np.array([evaluated.pose.bones[name].head[:] for name in JOINT_NAMES])
@@ -23,19 +29,19 @@ def bone_heads(bpy: Any, armature: Any, frame_count: int, first_frame: int = 1) 
     return np.array(heads)
 
 
-def evaluated_vertices(bpy: Any, obj: Any, frame_count: int, first_frame: int = 1) -> np.ndarray:
+def evaluated_vertices(bpy: Any, obj: Any, frames: Iterable[float]) -> np.ndarray:
     """(T, V, 3) world positions with all modifiers."""
-    frames = []
-    for frame in range(first_frame, first_frame + frame_count):
-        bpy.context.scene.frame_set(frame)
+    positions = []
+    for frame in frames:
+        go_to(bpy, frame)
         evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
         mesh = evaluated.to_mesh()
         points = np.empty(3 * len(mesh.vertices), np.float32)
         mesh.vertices.foreach_get("co", points)
         to_world = np.array(evaluated.matrix_world)
-        frames.append(points.reshape(-1, 3) @ to_world[:3, :3].T + to_world[:3, 3])
+        positions.append(points.reshape(-1, 3) @ to_world[:3, :3].T + to_world[:3, 3])
         evaluated.to_mesh_clear()
-    return np.array(frames)
+    return np.array(positions)
 
 
 def pixels_through_camera(bpy: Any, points: np.ndarray) -> np.ndarray:
@@ -48,3 +54,14 @@ def pixels_through_camera(bpy: Any, points: np.ndarray) -> np.ndarray:
     width, height = scene.render.resolution_x, scene.render.resolution_y
     pixels = np.stack([seen[:, 0] * width, (1 - seen[:, 1]) * height], axis=-1)
     return pixels.reshape(*points.shape[:-1], 2)
+
+
+def data_counts(bpy: Any) -> dict[str, object]:
+    """How many datablocks of each kind there are, and the scene's clock and size."""
+    kinds = (p.identifier for p in bpy.data.bl_rna.properties if p.type == "COLLECTION")
+    counts: dict[str, object] = {kind: len(getattr(bpy.data, kind)) for kind in kinds}
+    scene = bpy.context.scene
+    counts["clock"] = (scene.render.fps, scene.render.fps_base, scene.frame_start, scene.frame_end)
+    counts["size"] = (scene.render.resolution_x, scene.render.resolution_y)
+    counts["camera"] = scene.camera and scene.camera.name
+    return counts

@@ -25,6 +25,10 @@ def world_of(take: Take) -> Similarity:
     return world_from_camera(GroundFrame(np.array(meta.gravity), np.array(meta.ground.normal), meta.ground.offset))
 
 
+def frames(take: Take) -> range:
+    return range(1, take.frame_count + 1)
+
+
 @pytest.fixture(params=list(SPECS))
 def imported(request: pytest.FixtureRequest, bpy: Any, tmp_path: Path) -> Take:
     take = make_take(SPECS[request.param])
@@ -37,14 +41,14 @@ def imported(request: pytest.FixtureRequest, bpy: Any, tmp_path: Path) -> Take:
 def test_bone_heads_are_the_joints(imported: Take, bpy: Any) -> None:
     world = world_of(imported)
     for person in imported.people:
-        heads = bone_heads(bpy, armature_of(bpy, person), imported.frame_count)
+        heads = bone_heads(bpy, armature_of(bpy, person), frames(imported))
         error = np.linalg.norm(heads - world.apply(person_joints(person)), axis=-1)
         assert error.max() < 1e-4
 
 
 def test_projection_through_the_camera_is_the_takes_own(imported: Take, bpy: Any) -> None:
     for person in imported.people:
-        heads = bone_heads(bpy, armature_of(bpy, person), imported.frame_count)
+        heads = bone_heads(bpy, armature_of(bpy, person), frames(imported))
         expected = project(imported.meta.camera, person_joints(person))
         assert np.abs(pixels_through_camera(bpy, heads) - expected).max() < 0.05
 
@@ -53,7 +57,7 @@ def test_skin_is_linear_blend_skinning(imported: Take, bpy: Any) -> None:
     world = world_of(imported)
     for person in imported.people:
         armature = armature_of(bpy, person)
-        vertices = evaluated_vertices(bpy, armature.children[0], imported.frame_count)
+        vertices = evaluated_vertices(bpy, armature.children[0], frames(imported))
         error = np.linalg.norm(vertices - world.apply(person_vertices(person)), axis=-1)
         assert error.max() < 1e-4
 
@@ -62,7 +66,7 @@ def test_quaternions_never_flip(imported: Take, bpy: Any) -> None:
     for person in imported.people:
         armature = armature_of(bpy, person)
         quaternions = []
-        for frame in range(1, imported.frame_count + 1):
+        for frame in frames(imported):
             bpy.context.scene.frame_set(frame)
             quaternions.append([armature.pose.bones[name].rotation_quaternion[:] for name in JOINT_NAMES])
         assert np.sum(np.diff(quaternions, axis=0) ** 2, axis=-1).max() < 1.0
