@@ -1,0 +1,144 @@
+"""The footage with the solved bodies over it, as frames and as a video file."""
+
+import logging
+import shutil
+import subprocess
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core_solver.camera import Camera, camera_from_model
+from core_solver.errors import UserError, VideoError
+from core_solver.preview.bodies import PosablePerson
+from core_solver.preview.render import ShownBody, draw_bodies
+from core_solver.preview.text import draw_text
+from core_solver.progress import Advance
+from core_solver.take import Take
+from core_solver.video import VideoClip, open_video
+
+Image = NDArray[np.uint8]
+
+log = logging.getLogger(__name__)
+
+
+class TakeOverFootage:
+    """A take together with the video it was solved from."""
+
+    def __init__(self, take: Take, video: Path) -> None:
+        """Open the video.
+
+        Raises:
+            VideoError: unreadable, of another size, or too short for the take.
+        """
+        self.take = take
+        self.people = [PosablePerson(person) for person in take.people]
+        self.camera: Camera = camera_from_model(take.meta.camera)
+        self._clip: VideoClip = open_video(video)
+        self._check(video)
+
+    def _check(self, video: Path) -> None:
+        wanted, found = (self.camera.width, self.camera.height), (self._clip.width, self._clip.height)
+        if wanted != found:
+            raise VideoError(
+                f"{video.name} has {found[0]}x{found[1]} pixels but the take was solved from {wanted[0]}x{wanted[1]}: "
+                f"give the take's own video ({self.take.meta.video_name})"
+            )
+        if self._frame_numbers()[-1] >= len(self._clip.frame_list):
+            raise VideoError(
+                f"{video.name} ends before the take does: give the take's own video ({self.take.meta.video_name})"
+            )
+
+    def _frame_numbers(self) -> list[int]:
+        meta = self.take.meta
+        return [meta.first_frame + meta.frame_step * frame for frame in range(self.take.frame_count)]
+
+    def pictures(self, frames: Sequence[int]) -> Iterator[Image]:
+        """The footage with bodies and text at these increasing frames of the take."""
+        numbers = self._frame_numbers()
+        decoded = self._clip.frames_at([numbers[frame] for frame in frames])
+        for frame, (_, picture) in zip(frames, decoded, strict=True):
+            yield self._draw(picture, frame, numbers[frame])
+
+    def _draw(self, picture: Image, frame: int, number: int) -> Image:
+        bodies = [
+            ShownBody(p.vertices(frame), p.person.faces, p.colour, seen=bool(p.person.valid[frame]))
+            for p in self.people
+        ]
+        result = draw_bodies(picture, bodies, self.camera)
+        scale = max(picture.shape[:2]) / 1000
+        for person, body in zip(self.people, bodies, strict=True):
+            self._name(result, person, body, scale)
+        stamp = f"frame {number}   {self.take.times[frame]:.2f} s"
+        draw_text(result, stamp, (10 * scale, picture.shape[0] - 12 * scale), 0.8 * scale)
+        return result
+
+    def _name(self, picture: Image, person: PosablePerson, body: ShownBody, scale: float) -> None:
+        """The name above the head, where the head is in the picture."""
+        up = -np.asarray(self.take.meta.gravity)
+        crown = body.vertices[int(np.argmax(body.vertices @ up))]
+        if crown[2] <= 0:
+            return
+        u, v = self.camera.project(crown)
+        if 0 <= u < self.camera.width and 0 <= v < self.camera.height:
+            text = person.label if body.seen else f"{person.label} (not seen)"
+            draw_text(picture, text, (u - 80 * scale, v - 12 * scale), 0.8 * scale, person.colour)
+
+
+def write_overlay(footage: TakeOverFootage, path: Path, advance: Advance) -> None:
+    """Write the overlay of every frame of the take.
+
+    Raises:
+        UserError: the video cannot be written there; an older file stays.
+    """
+    times = footage.take.times
+    rate = 1 / float(np.median(np.diff(times))) if len(times) > 1 else float(footage.take.meta.frame_rate)
+    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    try:
+        _write_frames(footage, part, rate, advance)
+        _make_widely_playable(part)
+        part.replace(path)
+    except OSError as error:
+        raise UserError(f"cannot write {path}: {error.strerror}; choose another place with -o") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _write_frames(footage: TakeOverFootage, path: Path, rate: float, advance: Advance) -> None:
+    width, height = footage.camera.width, footage.camera.height
+    odd_width, odd_height = width % 2, height % 2
+    # Video codecs halve the colour planes and so want even sizes: repeat the last row or column.
+    size = (width + odd_width, height + odd_height)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), rate, size)
+    if not writer.isOpened():
+        raise UserError(f"cannot write a video at {path.parent}: check free space and rights, or choose another -o")
+    try:
+        for picture in footage.pictures(range(footage.take.frame_count)):
+            writer.write(cv2.copyMakeBorder(picture, 0, odd_height, 0, odd_width, cv2.BORDER_REPLICATE))
+            advance(1)
+    finally:
+        writer.release()
+
+
+def _make_widely_playable(path: Path) -> None:
+    """Turn MPEG-4 part 2, all that OpenCV can write, into H.264 where an ffmpeg program is installed."""
+    ffmpeg = shutil.which("ffmpeg")
+    if ffmpeg is None:
+        return
+    better = path.with_name(f"{path.stem}.h264{path.suffix}")
+    command = [
+        ffmpeg, "-loglevel", "error", "-nostdin", "-y", "-i", str(path), "-c:v", "libx264", "-crf", "20",
+        "-preset", "veryfast", "-pix_fmt", "yuv420p", "-movflags", "+faststart", str(better),
+    ]  # fmt: skip
+    try:
+        finished = subprocess.run(command, capture_output=True, text=True, check=False)
+        if finished.returncode == 0:
+            better.replace(path)
+        else:
+            log.info("ffmpeg could not write H.264 (%s): the preview stays MPEG-4", finished.stderr.strip())
+    except OSError as error:
+        log.info("ffmpeg did not start (%s): the preview stays MPEG-4", error)
+    finally:
+        better.unlink(missing_ok=True)
