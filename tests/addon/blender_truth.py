@@ -1,6 +1,7 @@
 """What Blender really evaluates and projects, read back as arrays."""
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -65,3 +66,39 @@ def data_counts(bpy: Any) -> dict[str, object]:
     counts["size"] = (scene.render.resolution_x, scene.render.resolution_y)
     counts["camera"] = scene.camera and scene.camera.name
     return counts
+
+
+def composite(bpy: Any, clip: Any, frame: int, path: Path, *, undistort: bool = False) -> np.ndarray:
+    """(H, W) grey values in [0, 1], top row first: what Blender's compositor makes of a movie clip at a scene frame."""
+    scene = bpy.context.scene
+    tree, output = _compositor(bpy, scene)
+    source = tree.nodes.new("CompositorNodeMovieClip")
+    source.clip = clip
+    if undistort:
+        straighten = tree.nodes.new("CompositorNodeMovieDistortion")
+        straighten.clip = clip
+        tree.links.new(source.outputs["Image"], straighten.inputs["Image"])
+        source = straighten
+    tree.links.new(source.outputs["Image"], output.inputs[0])
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 1
+    scene.view_settings.view_transform = "Standard"
+    scene.render.filepath = str(path)
+    scene.frame_set(frame)
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(str(path))
+    width, height = image.size
+    pixels = np.array(image.pixels[:]).reshape(height, width, 4)[::-1, :, 0]
+    bpy.data.images.remove(image)
+    return pixels
+
+
+def _compositor(bpy: Any, scene: Any) -> tuple[Any, Any]:
+    if bpy.app.version >= (5, 0):
+        tree = bpy.data.node_groups.new("Compositor", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        scene.compositing_node_group = tree
+        return tree, tree.nodes.new("NodeGroupOutput")
+    scene.use_nodes = True
+    scene.node_tree.nodes.clear()
+    return scene.node_tree, scene.node_tree.nodes.new("CompositorNodeComposite")
