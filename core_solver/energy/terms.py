@@ -1,0 +1,124 @@
+"""One pure function for each energy term, named as in the paper. Camera frame, metres, pixels; torch throughout.
+
+N people, T frames, K keypoints, P proxy vertices, S sole vertices of a foot. Each returns a scalar.
+"""
+
+from torch import Tensor
+
+from core_solver.energy.kernels import charbonnier, geman_mcclure
+
+CONTACT_RANGE_M = 0.20  # the paper's zeta: beyond this a sole is simply in the air
+
+
+def joints(projected: Tensor, observed: Tensor, confidence: Tensor, size: Tensor, sigma: float) -> Tensor:
+    """Reprojection error of the keypoints (paper eq. joints), robust and weighted by confidence.
+
+    Args:
+        projected: (N, T, K, 2) pixels.
+        observed: (N, T, K, 2) pixels, undistorted.
+        confidence: (N, T, K), 0 where there is no evidence.
+        size: (N, T) extent of the person in pixels.
+        sigma: deviation of a keypoint in person sizes.
+    """
+    residual = (projected - observed) / (sigma * size[..., None, None])
+    return (confidence * charbonnier((residual**2).sum(-1))).sum()
+
+
+def smpl(theta: Tensor, theta_hat: Tensor, weight: Tensor, sigma: float) -> Tensor:
+    """Pose stays near the regressed or fitted pose (paper E_smpl), a smooth L1.
+
+    Args:
+        theta: (N, T, 24, 3) radians.
+        theta_hat: (N, T, 24, 3) radians.
+        weight: (N, T) trust in theta_hat.
+        sigma: radians.
+    """
+    residual = ((theta - theta_hat) / sigma) ** 2
+    return (weight[..., None] * charbonnier(residual.sum(-1))).sum()
+
+
+def shape(betas: Tensor, betas_hat: Tensor) -> Tensor:
+    """Shape stays near betas^ (paper E_smpl), a smooth L1.
+
+    Args:
+        betas: (N, 10).
+        betas_hat: (N, 10).
+    """
+    return charbonnier((betas - betas_hat) ** 2).sum()
+
+
+def height(log_heights: Tensor, log_mean: float, sigma: float) -> Tensor:
+    """Prior on statures: the paper's E_scale as a log-normal, so that 1.4 m and 2.0 m cost alike.
+
+    Args:
+        log_heights: (N,) log metres.
+        log_mean: log metres.
+        sigma: deviation of log stature.
+    """
+    return charbonnier(((log_heights - log_mean) / sigma) ** 2).sum()
+
+
+def speed(translations: Tensor, seconds: Tensor, sigma: float) -> Tensor:
+    """Squared root speed between consecutive frames (paper E_speed).
+
+    Translations are given at unit scale, that is in body heights: a term in metres would shrink the whole scene.
+
+    Args:
+        translations: (N, T, 3) at unit scale.
+        seconds: (T - 1,) between frames.
+        sigma: per second.
+    """
+    velocity = (translations[:, 1:] - translations[:, :-1]) / (sigma * seconds[:, None])
+    return (velocity**2).sum()
+
+
+def depth(body_log_depth: Tensor, scene_log_depth: Tensor, weight: Tensor, sigma: float) -> Tensor:
+    """Mean log depth of a body against that of the depth map in its mask (paper E_depth), robust.
+
+    Args:
+        body_log_depth: (N, T) M of the body: mean log depth of its visible vertices inside the mask.
+        scene_log_depth: (N, T) M of the depth map at the same places.
+        weight: (N, T), 0 where body and mask do not meet.
+        sigma: deviation of the network's log depth.
+    """
+    return (weight * charbonnier(((body_log_depth - scene_log_depth) / sigma) ** 2)).sum()
+
+
+def contact(sole_heights: Tensor, probability: Tensor, sigma: float) -> Tensor:
+    """Soles in contact lie on the ground; a sole more than 20 cm away is not pulled (paper E_contact).
+
+    Args:
+        sole_heights: (N, T, 2) metres of each foot's lowest point above its support.
+        probability: (N, T, 2) of being in contact.
+        sigma: metres.
+    """
+    near = (sole_heights.detach().abs() < CONTACT_RANGE_M).to(sole_heights.dtype)
+    return (probability * near * charbonnier((sole_heights / sigma) ** 2)).sum()
+
+
+def slip(soles: Tensor, probability: Tensor, seconds: Tensor, sigma: float) -> Tensor:
+    """Soles rest between consecutive frames while in contact in both (paper E_slip).
+
+    Args:
+        soles: (N, T, 2, S, 3) metres, sole vertices of the left and right foot.
+        probability: (N, T, 2) of being in contact.
+        seconds: (T - 1,) between frames.
+        sigma: metres a second.
+    """
+    velocity = (soles[:, 1:] - soles[:, :-1]) / (sigma * seconds[:, None, None, None])
+    both = probability[:, 1:] * probability[:, :-1]
+    return (both[..., None] * geman_mcclure((velocity**2).sum(-1))).sum() / soles.shape[3]
+
+
+def temporal(vertices: Tensor, filtered: Tensor, seconds: Tensor, sigma: float) -> Tensor:
+    """Vertex velocities follow those of the one-euro-filtered vertices (paper eq. temporal).
+
+    Args:
+        vertices: (N, T, P, 3) metres.
+        filtered: (N, T, P, 3) metres.
+        seconds: (T - 1,) between frames.
+        sigma: metres a second.
+    """
+    difference = vertices - filtered
+    velocity = (difference[:, 1:] - difference[:, :-1]) / (sigma * seconds[:, None, None])
+    return (velocity**2).sum() / vertices.shape[2]

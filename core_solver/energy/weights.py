@@ -1,0 +1,54 @@
+"""Weights of all terms. Every robust term is a negative log-likelihood: residuals are divided by their deviation."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Weights:
+    """How much each term counts, and the deviation at which its residual counts as one.
+
+    A weight of 0 switches the term off. "Sizes" are a person's extent in the image, so that far and near people are
+    treated alike; speeds and soles are measured in metres.
+
+    Attributes:
+        joints: 2D keypoints.
+        joints_sigma: deviation of a keypoint, in person sizes.
+        smpl: pose stays near the fitted pose theta^.
+        theta_sigma: radians.
+        betas: shape stays near betas^.
+        height: prior on stature.
+        height_sigma: deviation of log stature about `height_mean_m`.
+        height_mean_m: metres; the world's adults, men 1.71 and women 1.59 (NCD Risk Factor Collaboration 2016).
+        speed: root motion between frames.
+        speed_sigma: body heights a second.
+        depth: body depth against the depth map.
+        depth_sigma: deviation of log depth of the network.
+        contact: soles on the ground while they are in contact.
+        contact_sigma: metres.
+        slip: soles rest while they are in contact.
+        slip_sigma: metres a second.
+        temporal: vertices move as their filtered selves.
+        temporal_sigma: metres a second.
+        effective_samples: how many independent measurements a clip's frames amount to for errors that persist, such
+            as those of a depth network: it balances them against priors that hold once for each person.
+    """
+
+    joints: float = 1.0
+    joints_sigma: float = 0.02
+    smpl: float = 0.3
+    theta_sigma: float = 0.15
+    betas: float = 0.1
+    height: float = 1.0
+    height_sigma: float = 0.07
+    height_mean_m: float = 1.65
+    speed: float = 0.02
+    speed_sigma: float = 1.0
+    depth: float = 1.0
+    depth_sigma: float = 0.15
+    contact: float = 1.0
+    contact_sigma: float = 0.02
+    slip: float = 1.0
+    slip_sigma: float = 0.1
+    temporal: float = 1.0
+    temporal_sigma: float = 0.4
+    effective_samples: float = 4.0

@@ -1,0 +1,86 @@
+"""What the solver fits: tracks in the units of the energies, one array for all people."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core_solver.camera import Camera
+from core_solver.geometry import align_vectors
+from core_solver.tracking.tracks import Modalities
+
+Array = NDArray[np.float64]
+
+_MIN_SIZE_PX = 16.0
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """N people over T frames.
+
+    Attributes:
+        seconds: (T - 1,) between frames.
+        times: (T,) seconds.
+        valid: (N, T) where the person was seen.
+        pixels: (N, T, 25, 2) undistorted pixels.
+        confidence: (N, T, 25), 0 where not valid.
+        landmarks: (N, T, 25, 3) metres of an average body, camera axes, any origin.
+        size: (N, T) extent of the person in pixels.
+    """
+
+    seconds: Array
+    times: Array
+    valid: NDArray[np.bool_]
+    pixels: Array
+    confidence: Array
+    landmarks: Array
+    size: Array
+
+
+def gather_evidence(modalities: Modalities, camera: Camera) -> Evidence:
+    """Stack the tracks, undistort their pixels and turn their landmarks into the camera's axes."""
+    tracks = modalities.tracks
+    pixels = camera.undistort(np.stack([t.keypoints for t in tracks]).astype(float))
+    confidence = np.stack([t.confidence for t in tracks]).astype(float)
+    valid = np.stack([t.valid for t in tracks])
+    confidence = np.where(valid[..., None] & np.isfinite(pixels).all(-1), np.clip(confidence, 0, 1), 0)
+    pixels = np.nan_to_num(pixels)
+    landmarks = np.nan_to_num(np.stack([t.landmarks for t in tracks]).astype(float))
+    return Evidence(
+        seconds=np.diff(modalities.times),
+        times=modalities.times,
+        valid=valid,
+        pixels=pixels,
+        confidence=confidence,
+        landmarks=turn_to_camera(landmarks, pixels, camera),
+        size=_person_sizes(pixels, confidence, valid),
+    )
+
+
+def turn_to_camera(landmarks: Array, pixels: Array, camera: Camera) -> Array:
+    """Landmarks are seen along the person's own viewing ray: turn that ray's frame into the camera's.
+
+    A crop network knows nothing of where its crop lies; near the border of a wide picture the difference is 30 degrees.
+
+    Args:
+        landmarks: (..., 25, 3) with z along the ray to the person.
+        pixels: (..., 25, 2) undistorted pixels of the same points.
+        camera: intrinsics.
+    """
+    centre = (pixels.mean(axis=-2) - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
+    ray = np.concatenate([centre, np.ones((*centre.shape[:-1], 1))], axis=-1)
+    turn = align_vectors(np.broadcast_to([0.0, 0.0, 1.0], ray.shape), ray)
+    return landmarks @ np.swapaxes(turn, -1, -2)
+
+
+def _person_sizes(pixels: Array, confidence: Array, valid: NDArray[np.bool_]) -> Array:
+    """Longer side of the confident keypoints' box, the clip's median where a person is not seen."""
+    seen = (confidence > 0.3)[..., None]
+    extent = np.max(np.where(seen, pixels, -np.inf), axis=2) - np.min(np.where(seen, pixels, np.inf), axis=2)
+    size = np.max(np.where(np.isfinite(extent), extent, 0), axis=-1)
+    for person in range(len(size)):
+        known = valid[person] & (size[person] > 0)
+        middle = np.median(size[person][known]) if known.any() else _MIN_SIZE_PX
+        # A crouch or a cut-off body must not make its pixels count more: no frame is smaller than 70 % of the median.
+        size[person] = np.clip(np.where(known, size[person], middle), 0.7 * middle, None)
+    return np.maximum(size, _MIN_SIZE_PX)

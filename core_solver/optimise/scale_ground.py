@@ -1,0 +1,183 @@
+"""Statures, ground and depth range together, before any pose is refined.
+
+One camera cannot tell a near child from a far adult. What can: everybody stands on one ground, bodies balance over
+their feet, people have human statures, and a depth network orders things. Few unknowns, so one robust fit does it.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from core_solver.energy.weights import Weights
+from core_solver.geometry import align_vectors, matrix_from_rotvec
+from core_solver.scene.sampling import BodyDepth, FloorSamples
+
+Array = NDArray[np.float64]
+
+_GROUND_SIGMA = 0.02  # of the camera's height: how flat a floor is, and how well soles are found
+_LEVEL_DIFFERENCE_M = 0.03  # between people side by side
+_LEVEL_SLOPE = 0.03  # and for every metre between them: steps, kerbs and platforms are common
+_BALANCE_SIGMA = math.radians(6)  # one person's mean lean in the estimated pose
+_HORIZON_SIGMA = math.radians(30)  # cameras are held roughly level
+_FLOOR_SIGMA = 0.10  # log depth of a network on a floor
+_LIMITS = (200.0, 8.0)  # where residuals level off, in their deviations
+
+
+@dataclass(frozen=True)
+class ScaleProblem:
+    """What the fit looks at; everything at unit scale, camera frame.
+
+    Attributes:
+        soles: (N, T, 2, 3) metres, mean sole point of each foot.
+        planted: (N, T, 2) probability of being on the ground.
+        balance: (N, 3) unit vectors from support to centre of mass, time-averaged; zeros when unknown.
+        heights: (N,) statures in metres at unit scale.
+        log_depth: (N, T) mean log depth of the visible vertices.
+        body_depth: disparity under them.
+        floor: disparity around feet.
+    """
+
+    soles: Array
+    planted: Array
+    balance: Array
+    heights: Array
+    log_depth: Array
+    body_depth: BodyDepth
+    floor: FloorSamples
+
+
+@dataclass(frozen=True)
+class ScaleGround:
+    """The answer.
+
+    Attributes:
+        scales: (N,) person scales.
+        up: (3,) unit normal of the ground, camera frame.
+        offset: metres; normal . x + offset = 0 on the ground.
+        levels: (N,) metres by which each person's own floor lies above the common ground.
+        inverse_far: 1 / z_far, 1/metres.
+        inverse_gap: 1 / z_near - 1 / z_far, 1/metres.
+    """
+
+    scales: Array
+    up: Array
+    offset: float
+    levels: Array
+    inverse_far: float
+    inverse_gap: float
+
+
+def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
+    """Solve for the ground plane, all statures and the clip's depth range.
+
+    Args:
+        problem: evidence at unit scale.
+        weights: deviations of statures and depth.
+
+    Returns:
+        The robust least-squares solution; with no planted foot the ground follows from balance alone.
+    """
+    start_up = _mean_up(problem.balance)
+    frame = align_vectors([0.0, 1.0, 0.0], start_up)
+    camera_height = _camera_height(problem, start_up)
+    has_depth = bool(problem.body_depth.mean_disparity.any())
+    people = len(problem.heights)
+    depth_start = _depth_start(problem) if has_depth else []
+    start = np.concatenate([[0.0, 0.0, math.log(camera_height)], np.zeros(2 * people), depth_start])
+    level_sigma = _level_sigma(problem.soles)
+
+    def unpack(x: Array) -> ScaleGround:
+        up = frame @ matrix_from_rotvec([x[0], 0.0, x[1]]) @ [0.0, 1.0, 0.0]
+        scales, levels, depth_range = np.split(x[3:], [people, 2 * people])
+        far, gap = np.exp(depth_range) if has_depth else (0.01, 0.5)
+        return ScaleGround(np.exp(scales), up, math.exp(x[2]), levels, float(far), float(gap))
+
+    def residuals(x: Array, limit: float) -> Array:
+        answer = unpack(x)
+        parts = [
+            _ground_residuals(problem, answer, weights, limit),
+            _balance_residuals(problem, answer),
+            np.array([math.acos(float(np.clip(-answer.up[1], -1, 1))) / _HORIZON_SIGMA]),
+            np.log(answer.scales * problem.heights / weights.height_mean_m) / weights.height_sigma,
+            answer.levels / level_sigma,
+        ]
+        if has_depth:
+            parts += [_depth_residuals(problem, answer, weights), _floor_residuals(problem, answer, weights, limit)]
+        return np.concatenate(parts)
+
+    # First everybody is pulled onto one plane from however far, then what does not belong there lets go.
+    for limit in _LIMITS:
+        start = least_squares(residuals, start, args=(limit,), loss="soft_l1", x_scale="jac", max_nfev=100).x
+    return unpack(start)
+
+
+def _mean_up(balance: Array) -> Array:
+    known = balance[np.linalg.norm(balance, axis=1) > 0.5]
+    up = known.sum(axis=0) if len(known) else np.array([0.0, -1.0, 0.0])
+    return up / np.linalg.norm(up)
+
+
+def _camera_height(problem: ScaleProblem, up: Array) -> float:
+    below = -(problem.soles @ up)
+    planted = problem.planted > 0.5
+    return float(np.clip(np.median(below[planted]), 0.2, 100)) if planted.any() else 1.6
+
+
+def _depth_start(problem: ScaleProblem) -> list[float]:
+    seen = problem.body_depth.weight > 0
+    inverse = np.exp(-problem.log_depth[seen])
+    disparity = problem.body_depth.mean_disparity[seen]
+    slope, level = np.polyfit(disparity, inverse, 1) if np.ptp(disparity) > 0.05 else (0.0, 0.0)
+    nearest = float(np.median(inverse) / max(float(np.median(disparity)), 0.05))
+    return [math.log(max(level, 0.01)), math.log(slope if slope > 0.05 * nearest else nearest)]
+
+
+def _ground_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weights, limit: float) -> Array:
+    """Planted soles lie on the plane; a foot may hang above it, so only the lower foot of a frame counts fully."""
+    heights = answer.scales[:, None, None] * (problem.soles @ answer.up) + answer.offset - answer.levels[:, None, None]
+    lowest = heights.min(axis=-1, keepdims=True)
+    trust = problem.planted * (heights < lowest + 0.04)
+    total = trust.sum(axis=(1, 2), keepdims=True)
+    share = np.sqrt(weights.effective_samples * trust / np.maximum(total, 1e-9))
+    relative = heights / (_GROUND_SIGMA * answer.offset)
+    return (share * _bounded(relative, limit)).ravel()
+
+
+def _bounded(residual: Array, limit: float) -> Array:
+    """Large residuals level off: a jump or a chair must not drag the plane."""
+    return limit * np.tanh(residual / limit)
+
+
+def _level_sigma(soles: Array) -> Array:
+    """How far each person's floor may lie from the others', metres: flat nearby, less so farther away."""
+    places = np.median(soles.mean(axis=2), axis=1)
+    apart = np.linalg.norm(places - np.median(places, axis=0), axis=-1)
+    return _LEVEL_DIFFERENCE_M + _LEVEL_SLOPE * apart
+
+
+def _balance_residuals(problem: ScaleProblem, answer: ScaleGround) -> Array:
+    known = np.linalg.norm(problem.balance, axis=1) > 0.5
+    across = np.cross(problem.balance[known], answer.up)
+    return (across / _BALANCE_SIGMA).ravel()
+
+
+def _depth_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weights) -> Array:
+    inverse = answer.inverse_far + answer.inverse_gap * problem.body_depth.mean_disparity
+    difference = problem.log_depth + np.log(answer.scales)[:, None] + np.log(inverse)
+    weight = problem.body_depth.weight
+    share = np.sqrt(weights.depth * weights.effective_samples * weight / np.maximum(weight.sum(1, keepdims=True), 1e-9))
+    return (share * difference / weights.depth_sigma).ravel()
+
+
+def _floor_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weights, limit: float) -> Array:
+    floor = problem.floor
+    if len(floor.disparity) == 0:
+        return np.zeros(0)
+    slope = np.maximum(-(floor.rays @ answer.up), 1e-3)
+    log_depth = np.log(answer.offset / slope)
+    difference = log_depth + np.log(answer.inverse_far + answer.inverse_gap * floor.disparity)
+    share = math.sqrt(weights.depth * len(problem.heights) * weights.effective_samples / len(difference))
+    return share * _bounded(difference / _FLOOR_SIGMA, limit)

@@ -1,0 +1,259 @@
+"""The whole story on one page: perceive -> track -> solve -> take."""
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from core_solver.assemble import Provenance, assemble_take
+from core_solver.body import load_body
+from core_solver.camera import DEFAULT_FOV_DEGREES, Camera, camera_from_fov, read_camera
+from core_solver.energy.weights import Weights
+from core_solver.errors import CameraError, UserError, VideoError
+from core_solver.optimise.solve import Solution, solve
+from core_solver.perception.cache import observe
+from core_solver.perception.perceive import Networks, label_size, load_networks
+from core_solver.perception.store import ModelStore
+from core_solver.progress import Progress
+from core_solver.scene import aggregate
+from core_solver.take import Scene, Take, write_take
+from core_solver.tracking import Modalities, track_people
+from core_solver.video import VideoClip, camera_motion, open_video
+
+GROUND_PLANE_PRIOR = "ground-plane prior"
+CLOUD_POINTS = 200_000
+PRESETS = {"fast": Weights()}
+
+_PRIOR_GRID = 320  # longer side of the depth map of the ground-plane prior
+_PICTURES = 25  # frames whose median gives the background's colours
+_MOTION_FRAMES = 12
+_BEYOND_PEOPLE = 2.5  # the ground-plane prior's floor ends this many times as far away as the farthest person
+
+
+@dataclass(frozen=True)
+class SolveOptions:
+    """What the user asked for.
+
+    Attributes:
+        video: the footage.
+        output: where the take goes.
+        camera: file with intrinsics, `PATH` or `PATH:NAME`.
+        fov_degrees: field of view along the longer side, instead of a file.
+        start_s: seconds into the video.
+        end_s: seconds into the video.
+        every: use every n-th frame.
+        people: keep this many at most.
+        depth: disparity network, a file or a directory with one file for each shape.
+        models_dir: where models are kept.
+        body: a user's own SMPL file.
+        device: "auto", "cpu" or "cuda".
+        preset: name in `PRESETS`.
+        resume: continue from what an earlier run has kept.
+        seed: recorded; the solve draws no random numbers.
+    """
+
+    video: Path
+    output: Path
+    camera: str | None = None
+    fov_degrees: float | None = None
+    start_s: float | None = None
+    end_s: float | None = None
+    every: int = 1
+    people: int | None = None
+    depth: Path | None = None
+    models_dir: Path | None = None
+    body: Path | None = None
+    device: str = "auto"
+    preset: str = "fast"
+    resume: bool = False
+    seed: int = 0
+
+
+def solve_video(options: SolveOptions, progress: Progress) -> Take:
+    """Solve a video and write its take.
+
+    Raises:
+        UserError: anything the user can mend; an old take at `options.output` is then untouched.
+    """
+    check_output(options.output)
+    device = choose_device(options.device)
+    clip = open_video(options.video, options.start_s, options.end_s, options.every)
+    camera = choose_camera(options, clip, progress)
+    store = ModelStore(options.models_dir)
+    body = load_body(options.body or store.require("open-body"))
+    networks = load_networks(store, options.depth)
+    depth_source = _depth_source(networks, clip, progress)
+    observations = list(observe(clip, networks, work_directory(options.output), progress, resume=options.resume))
+    size = (clip.width, clip.height)
+    modalities = track_people(observations, size, label_size(*size), people=options.people)
+    _require_people(modalities, clip)
+    warnings = _warnings(clip, camera, modalities, depth_source, progress)
+    with single_thread():
+        solution = solve(modalities, camera, body, progress, PRESETS[options.preset], device)
+    with progress.stage("Build the scene", 1) as advance:
+        scene = build_scene(modalities, solution, camera, clip)
+        advance(1)
+    provenance = Provenance(depth_source, options.preset, _settings(options), warnings)
+    take = assemble_take(modalities, solution, camera, body, clip, scene, provenance)
+    write_take(options.output, take)
+    return take
+
+
+def check_output(output: Path) -> None:
+    """Find out before hours of work whether the take can be written.
+
+    Raises:
+        UserError: not a .npz name, a directory, or a place that cannot be written.
+    """
+    if output.suffix != ".npz" or output.is_dir():
+        raise UserError(f"the take {output} must be a file name that ends in .npz: change -o")
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        probe = output.parent / f".{output.name}.{os.getpid()}.probe"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        full = error.errno in {errno.ENOSPC, errno.EDQUOT}
+        advice = "free some space" if full else "choose another place with -o"
+        raise UserError(f"cannot write to {output.parent} ({error.strerror}): {advice}") from error
+
+
+def work_directory(output: Path) -> Path:
+    """Where the stages of a take keep their results: NAME.work beside NAME.npz."""
+    return output.with_suffix(".work")
+
+
+def choose_device(name: str) -> str:
+    """The torch device for "auto", "cpu" or "cuda".
+
+    Raises:
+        UserError: CUDA was asked for and there is none.
+    """
+    if name == "auto":
+        return "cuda" if torch.cuda.is_available() else "cpu"
+    if name == "cuda" and not torch.cuda.is_available():
+        raise UserError("no CUDA device was found: leave --device out or install PyTorch with CUDA")
+    return name
+
+
+def choose_camera(options: SolveOptions, clip: VideoClip, progress: Progress) -> Camera:
+    """Intrinsics from a file, a given field of view, or the default one, which is announced.
+
+    Raises:
+        CameraError: the file does not fit, or both were given.
+    """
+    if options.camera is not None and options.fov_degrees is not None:
+        raise CameraError("--camera and --fov exclude each other: the camera file already holds the field of view")
+    if options.camera is not None:
+        return read_camera(options.camera, clip.width, clip.height)
+    if options.fov_degrees is not None:
+        return camera_from_fov(clip.width, clip.height, options.fov_degrees, "field of view given by the user")
+    progress.note(
+        f"No camera file: a field of view of {DEFAULT_FOV_DEGREES:g} degrees along the longer side is assumed. "
+        "Distances depend on it: give --camera or --fov if you know better."
+    )
+    return camera_from_fov(clip.width, clip.height, DEFAULT_FOV_DEGREES, "assumed field of view")
+
+
+@contextmanager
+def single_thread() -> Iterator[None]:
+    """One thread for torch: sums in a fixed order give the same take on every machine, and small products gain none."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def build_scene(modalities: Modalities, solution: Solution, camera: Camera, clip: VideoClip) -> Scene:
+    """Static depth map and coloured cloud: from the network's disparity, else from the ground-plane prior."""
+    inverse_far, inverse_gap = solution.inverse_far, solution.inverse_gap
+    if modalities.disparity is not None:
+        depth = aggregate.median_depth(modalities, inverse_far, inverse_gap)
+    else:
+        farthest = _BEYOND_PEOPLE * float(np.linalg.norm(solution.gamma, axis=-1).max())
+        depth = aggregate.ground_depth(camera, solution.ground, _prior_grid(clip), farthest)
+        inverse_far, inverse_gap = _depth_range(depth, len(modalities.times))
+    picture = _background_picture(clip, modalities, (depth.shape[1], depth.shape[0]))
+    points, colours = aggregate.cloud(depth, picture, camera, CLOUD_POINTS)
+    return Scene(
+        points,
+        colours,
+        depth,
+        z_near=(1 / (inverse_far + inverse_gap)).astype(np.float32),
+        z_far=(1 / inverse_far).astype(np.float32),
+    )
+
+
+def _depth_source(networks: Networks, clip: VideoClip, progress: Progress) -> str:
+    network = networks.open_disparity(clip.width, clip.height)
+    if network is not None:
+        return network.path.name
+    progress.note(
+        "No depth network was found: depth rests on people's feet and the ground plane alone "
+        "(give a network with --depth FILE for a real scene cloud)."
+    )
+    return GROUND_PLANE_PRIOR
+
+
+def _require_people(modalities: Modalities, clip: VideoClip) -> None:
+    if modalities.tracks:
+        return
+    seen = "people were seen too briefly" if modalities.dropped else "nobody was seen"
+    raise VideoError(
+        f"{seen} in {clip.path.name}: a person must be visible for a tenth of the clip and 8 frames; "
+        "try another part with --start and --end"
+    )
+
+
+def _warnings(
+    clip: VideoClip, camera: Camera, modalities: Modalities, depth_source: str, progress: Progress
+) -> tuple[str, ...]:
+    sentences = []
+    motion = camera_motion([picture for _, picture in clip.spread(_MOTION_FRAMES)])
+    if motion.is_moving:
+        sentences.append(
+            f"The camera moves: the background drifts by {motion.drift_px:.0f} pixels. The solver assumes a static "
+            "camera, so places and feet will be wrong; use footage from a tripod."
+        )
+    if camera.source.startswith("assumed"):
+        sentences.append("The field of view is an assumption: all distances scale with it.")
+    if depth_source == GROUND_PLANE_PRIOR:
+        sentences.append("Without a depth network the scene is a ground plane, a prior and no measurement.")
+    if len(modalities.tracks) == 1:
+        sentences.append("One person alone: their size rests on the prior that people are 1.65 m tall on average.")
+    for sentence in sentences[:1] if motion.is_moving else ():
+        progress.note(sentence)
+    return tuple(sentences)
+
+
+def _background_picture(clip: VideoClip, modalities: Modalities, size: tuple[int, int]) -> NDArray[np.uint8]:
+    position = {int(frame): t for t, frame in enumerate(modalities.frames)}
+    pictures = ((position[info.index], picture) for info, picture in clip.spread(_PICTURES))
+    return aggregate.median_picture(pictures, modalities.labels, size)
+
+
+def _prior_grid(clip: VideoClip) -> tuple[int, int]:
+    factor = _PRIOR_GRID / max(clip.width, clip.height)
+    return max(1, round(clip.width * factor)), max(1, round(clip.height * factor))
+
+
+def _depth_range(depth: NDArray[np.float32], frames: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    known = depth[np.isfinite(depth)]
+    near, far = (float(known.min()), float(known.max())) if known.size else (1.0, 100.0)
+    return np.full(frames, 1 / far), np.full(frames, max(1 / near - 1 / far, 1e-6))
+
+
+def _settings(options: SolveOptions) -> dict[str, str | float | int | bool | None]:
+    """What was asked for, without paths: a take does not tell where its maker keeps things."""
+    return {
+        "start_s": options.start_s, "end_s": options.end_s, "every": options.every, "people": options.people,
+        "seed": options.seed, "device": options.device,
+    }  # fmt: skip

@@ -1,0 +1,111 @@
+"""From per-frame disparity to one static depth map and a coloured cloud."""
+
+from collections.abc import Iterable
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core_solver.camera import Camera
+from core_solver.geometry import GroundFrame
+from core_solver.tracking.tracks import BACKGROUND, Modalities
+
+Array = NDArray[np.float64]
+
+_MOST_FRAMES = 101  # the median of a static scene gains nothing from more
+_BLOCK_ROWS = 64
+_HORIZON_MARGIN = 0.02
+
+
+def median_depth(modalities: Modalities, inverse_far: Array, inverse_gap: Array) -> NDArray[np.float32]:
+    """Per-pixel median over time of the background's depth (paper, scene point cloud).
+
+    Args:
+        modalities: labels and disparity; the disparity must be there.
+        inverse_far: (T,) 1 / z_far in 1/metres.
+        inverse_gap: (T,) 1 / z_near - 1 / z_far in 1/metres.
+
+    Returns:
+        (hd, wd) metres on the disparity's grid, NaN where the background was never seen.
+    """
+    disparity = modalities.disparity
+    if disparity is None:
+        raise ValueError("median_depth needs disparity")
+    frames = np.unique(np.linspace(0, len(disparity) - 1, min(len(disparity), _MOST_FRAMES)).astype(int))
+    height, width = disparity.shape[1:]
+    bare = np.stack([_background(modalities.labels[t], (width, height)) for t in frames])
+    depth = np.full((height, width), np.nan, np.float32)
+    for top in range(0, height, _BLOCK_ROWS):
+        rows = slice(top, top + _BLOCK_ROWS)
+        inverse = inverse_far[frames, None, None] + inverse_gap[frames, None, None] * disparity[frames, rows]
+        block = np.ma.masked_array(1 / inverse, ~bare[:, rows])
+        depth[rows] = np.ma.median(block, axis=0).filled(np.nan)
+    return depth
+
+
+def _background(labels: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Background on another grid, kept clear of people's blurred edges."""
+    people = (labels != BACKGROUND).astype(np.uint8)
+    resized = cv2.resize(people, size, interpolation=cv2.INTER_AREA if people.shape[1] > size[0] else cv2.INTER_NEAREST)
+    return cv2.dilate(resized, np.ones((5, 5), np.uint8)) == 0
+
+
+def ground_depth(camera: Camera, ground: GroundFrame, size: tuple[int, int], farthest: float) -> NDArray[np.float32]:
+    """Depth of the bare ground plane: the prior that stands in where no depth network is to be had.
+
+    Args:
+        camera: intrinsics.
+        ground: the plane.
+        size: (width, height) of the grid laid over the image.
+        farthest: metres; NaN beyond, and above the horizon.
+    """
+    rays = camera.grid_rays(size[1], size[0])
+    fall = -(rays @ ground.normal)
+    depth = ground.offset / np.where(fall > _HORIZON_MARGIN, fall, np.nan)
+    return np.where(depth < farthest, depth, np.nan).astype(np.float32)
+
+
+def median_picture(
+    frames: Iterable[tuple[int, NDArray[np.uint8]]], labels: NDArray[np.uint8], size: tuple[int, int]
+) -> NDArray[np.uint8]:
+    """Background colours: the median over some frames of the pixels that are not people.
+
+    Args:
+        frames: pairs of a take frame and its (H, W, 3) BGR picture; a few dozen are plenty.
+        labels: (T, h, w) from tracking.
+        size: (width, height) of the result.
+
+    Returns:
+        (h, w, 3) RGB; where people stood throughout, their colours.
+    """
+    pictures, bare = [], []
+    for t, picture in frames:
+        pictures.append(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
+        bare.append(_background(labels[t], size))
+    stack, mask = np.stack(pictures), np.stack(bare)
+    mask |= ~mask.any(axis=0)
+    masked = np.ma.masked_array(stack, np.repeat(~mask[..., None], 3, axis=-1))
+    return np.ma.median(masked, axis=0).filled(0)[..., ::-1].astype(np.uint8)
+
+
+def cloud(
+    depth: NDArray[np.float32], picture: NDArray[np.uint8], camera: Camera, most: int
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Unproject a depth map.
+
+    Args:
+        depth: (h, w) metres, NaN where unknown.
+        picture: (h, w, 3) RGB.
+        camera: intrinsics of the whole image.
+        most: points at most, thinned evenly over the image.
+
+    Returns:
+        points (P, 3) metres, camera frame, and colours (P, 3).
+    """
+    known = np.isfinite(depth)
+    points = (camera.grid_rays(*depth.shape) * depth[..., None])[known].astype(np.float32)
+    colours = picture[known]
+    if len(points) > most:
+        keep = np.linspace(0, len(points) - 1, most).astype(int)
+        points, colours = points[keep], colours[keep]
+    return points, colours
