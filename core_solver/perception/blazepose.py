@@ -5,7 +5,7 @@ all a person seen from behind may be taken for one seen from the front. MoveNet,
 judge: where the two disagree, other crops are tried and the answer closest to MoveNet's is kept.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -29,11 +29,14 @@ KEYPOINT_FROM_LANDMARK = np.array(
 )
 """For each of our 25 keypoints BlazePose's landmark; the first 17 are COCO's."""
 
-MIRRORED_COCO = np.array([0, 2, 1, 4, 3, 6, 5, 8, 7, 10, 9, 12, 11, 14, 13, 16, 15])
+MIRRORED = np.concatenate([[0], np.arange(1, 25).reshape(-1, 2)[:, ::-1].ravel()])
+"""For each of our 25 keypoints the one on the other side; the first 17 are COCO's."""
+
+MIRRORED_COCO = MIRRORED[:COCO_COUNT]
 
 _AGREED = 0.05  # of the person's size: mean distance to MoveNet below which the first crop was good
 _AGREED_PX = 5.0  # MoveNet itself is no better than this for small people
-_OTHER_CROPS = ((0.0, 1.15), (0.2, 1.0), (-0.2, 1.0), (0.0, 0.9))  # turn in radians, growth
+_WRONG_SIDE = 0.7  # of that distance: so near with left and right exchanged, the person was taken from the wrong side
 _SHOULDERS, _HIPS = [5, 6], [11, 12]  # COCO
 _TRUSTED = 0.2  # MoveNet's keypoint score
 
@@ -51,10 +54,6 @@ class Roi:
     center: Floats
     size: float
     angle: float
-
-    def changed(self, turn: float, growth: float) -> "Roi":
-        """The same place, turned by an angle and grown by a factor."""
-        return Roi(self.center, self.size * growth, self.angle + turn)
 
     def crop_to_image(self) -> NDArray[np.float64]:
         """(2, 3) affine map from crop pixels to picture pixels, both with pixel centres at half-integers."""
@@ -116,14 +115,15 @@ class BlazePose:
         best, points = self._look(image, roi)
         least = disagreement(pose, best)
         agreed = max(_AGREED, _AGREED_PX / person_size(pose))
-        for other in (roi_from_points(points, roi), *(roi.changed(*change) for change in _OTHER_CROPS)):
+        for other in other_rois(roi, points):
             if least <= agreed:
-                break
+                return best
             body, _ = self._look(image, other)
             value = disagreement(pose, body)
             if value < least:
                 best, least = body, value
-        return best
+        wrong_side = least > agreed and disagreement(pose, best, mirrored=True) < _WRONG_SIDE * least
+        return with_sides_exchanged(best) if wrong_side else best
 
     def _look(self, image: Image, roi: Roi) -> tuple[BodyLandmarks, Floats]:
         """The person in this crop, and the network's (39, 5) points in crop pixels."""
@@ -161,6 +161,28 @@ def roi_from_points(points: Floats, roi: Roi) -> Roi:
     up = above - center
     radius = max(float(np.hypot(*up)), 1.0)
     return Roi(center.astype(np.float32), 2 * _MARGIN * radius, float(np.arctan2(up[0], -up[1])))
+
+
+def other_rois(roi: Roi, points: Floats) -> tuple[Roi, ...]:
+    """Further crops worth a look where the first one, which gave these points (39, 5), led astray.
+
+    A leaning person turned upright is the likeliest to be taken from the wrong side: so turn less. Measured on such
+    people, half the turn succeeds twice as often as any other change.
+    """
+    away = np.copysign(0.4, roi.angle)
+    angles = (roi.angle / 2, roi.angle - away, 0.0) if abs(roi.angle) > 0.3 else (roi.angle - 0.2, roi.angle + 0.2)
+    turned = tuple(Roi(roi.center, roi.size, float(angle)) for angle in angles)
+    return (*turned, roi_from_points(points, roi), Roi(roi.center, 1.15 * roi.size, roi.angle))
+
+
+def with_sides_exchanged(body: BodyLandmarks) -> BodyLandmarks:
+    """The same points under the names of the other side."""
+    return replace(
+        body,
+        keypoints=body.keypoints[MIRRORED],
+        visibility=body.visibility[MIRRORED],
+        landmarks=body.landmarks[MIRRORED],
+    )
 
 
 def cut(image: Image, roi: Roi) -> Image:

@@ -61,19 +61,18 @@ _WIDEST_BLUR = 0.02  # of the picture length
 class DisparityNetwork:
     """A disparity network as an ONNX file of fixed or free input size."""
 
-    def __init__(self, path: Path, threads: int = 2) -> None:
+    def __init__(self, path: Path) -> None:
         """Load the network.
 
         Args:
             path: ONNX file with one input (1, 3, h, w) and an output (1, h, w) or (1, 1, h, w).
-            threads: processor threads.
 
         Raises:
             ModelError: unreadable, or input or output are of another kind.
         """
         self.path = path
         self._convention = convention_for(path)
-        self._session = open_session(path, threads)
+        self._session = open_session(path)
         inputs = self._session.get_inputs()
         if len(inputs) != 1 or len(inputs[0].shape) != 4 or inputs[0].shape[1] not in (3, "3"):
             shapes = ", ".join(str(i.shape) for i in inputs)

@@ -67,19 +67,18 @@ class View:
 class MultiPose:
     """MoveNet MultiPose as an ONNX file; the input may have fixed or free height and width."""
 
-    def __init__(self, path: Path, threads: int = 2, *, least_score: float = 0.2) -> None:
+    def __init__(self, path: Path, *, least_score: float = 0.2) -> None:
         """Load the network.
 
         Args:
             path: ONNX file with input (1, h, w, 3) int32 RGB and output (1, 6, 56).
-            threads: processor threads.
             least_score: finds below are dropped; lamp posts and bushes reach 0.2, people half hidden 0.25.
 
         Raises:
             ModelError: unreadable, or another kind of network.
         """
         self.path = path
-        self._session = open_session(path, threads)
+        self._session = open_session(path)
         self._input = self._session.get_inputs()[0].name
         self._fixed_size = _fixed_size(path, self._session)
         self._least_score = least_score

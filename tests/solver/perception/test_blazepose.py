@@ -12,16 +12,19 @@ from core_solver.body.skeleton import KEYPOINT_NAMES
 from core_solver.errors import ModelError
 from core_solver.perception.blazepose import (
     KEYPOINT_FROM_LANDMARK,
+    MIRRORED,
     MIRRORED_COCO,
     BlazePose,
     Roi,
     cut,
     disagreement,
     inverse,
+    other_rois,
     roi_from_points,
     roi_from_pose,
     transform,
     warp,
+    with_sides_exchanged,
 )
 from core_solver.perception.multipose import MultiPose
 from tests.solver.perception.people import first_frame, standing_body, standing_pose
@@ -46,8 +49,8 @@ def test_each_keypoint_is_the_landmark_of_its_name() -> None:
 
 
 def test_mirroring_swaps_left_and_right() -> None:
-    swapped = [KEYPOINT_NAMES[i] for i in MIRRORED_COCO]
-    expected = [n.replace("left", "?").replace("right", "left").replace("?", "right") for n in KEYPOINT_NAMES[:17]]
+    swapped = [KEYPOINT_NAMES[i] for i in MIRRORED]
+    expected = [n.replace("left", "?").replace("right", "left").replace("?", "right") for n in KEYPOINT_NAMES]
     assert swapped == expected
 
 
@@ -133,6 +136,23 @@ def test_someone_taken_from_behind_agrees_when_mirrored() -> None:
     body.keypoints[:17] = pose.keypoints[MIRRORED_COCO]
     assert disagreement(pose, body, mirrored=True) == pytest.approx(0, abs=1e-6)
     assert disagreement(pose, body) > 0.05
+
+
+def test_exchanging_sides_makes_the_mirrored_person_agree() -> None:
+    pose = standing_pose(300, 100)
+    body = standing_body(pose)
+    body.keypoints[:17] = pose.keypoints[MIRRORED_COCO]
+    assert disagreement(pose, with_sides_exchanged(body)) == pytest.approx(0, abs=1e-6)
+
+
+@given(rois)
+def test_other_crops_differ_and_turn_leaning_people_less(roi: Roi) -> None:
+    points = np.zeros((39, 5), np.float32)
+    points[33, :2], points[34, :2] = (128, 128), (128, 60)
+    others = other_rois(roi, points)
+    assert all((o.size, o.angle) != (roi.size, roi.angle) for o in others[:-2])
+    if abs(roi.angle) > 0.45:
+        assert all(abs(o.angle) < abs(roi.angle) for o in others[:3])
 
 
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core_solver.perception.blazepose import MIRRORED_COCO
-from core_solver.perception.fusion import fuse, keypoint_confidence, warp_mask, without_doubles
+from core_solver.perception.fusion import blended_keypoints, fuse, warp_mask, without_doubles
 from core_solver.perception.perceive import label_size
 from tests.solver.perception.people import standing_body, standing_pose
 
@@ -29,10 +29,30 @@ def test_a_disputed_wrist_casts_doubt_on_its_hand_only() -> None:
     pose = standing_pose(300, 100)
     body = standing_body(pose)
     body.keypoints[9] += (80, 0)  # left wrist
-    confidence = keypoint_confidence(pose, body, PICTURE)
+    _, confidence = blended_keypoints(pose, body, PICTURE)
     doubted = [9, 21, 23]
     assert confidence[doubted].max() < 0.1
     assert np.delete(confidence, doubted).min() > 0.99
+
+
+def test_small_differences_are_averaged_and_hands_move_with_wrists() -> None:
+    pose = standing_pose(300, 100)
+    body = standing_body(pose)
+    body.keypoints[[9, 21, 23]] += (8, 0)
+    keypoints, confidence = blended_keypoints(pose, body, PICTURE)
+    moved = body.keypoints - keypoints
+    assert 2 < moved[9, 0] < 6
+    np.testing.assert_allclose(moved[[21, 23]], moved[[9, 9]], atol=1e-4)
+    assert confidence[9] > 0.99
+    np.testing.assert_allclose(np.delete(moved, [9, 21, 23], axis=0), 0, atol=1e-4)
+
+
+def test_a_disputed_point_is_not_dragged_halfway() -> None:
+    pose = standing_pose(300, 100)
+    body = standing_body(pose)
+    body.keypoints[9] += (120, 0)
+    keypoints, _ = blended_keypoints(pose, body, PICTURE)
+    np.testing.assert_allclose(keypoints[9], body.keypoints[9], atol=1)
 
 
 def test_what_movenet_did_not_see_is_not_disputed() -> None:
@@ -40,7 +60,7 @@ def test_what_movenet_did_not_see_is_not_disputed() -> None:
     pose.confidence[9] = 0
     body = standing_body(pose)
     body.keypoints[9] += (80, 0)
-    assert keypoint_confidence(pose, body, PICTURE)[9] == 1
+    assert blended_keypoints(pose, body, PICTURE)[1][9] == 1
 
 
 def test_keypoints_outside_the_picture_were_not_seen() -> None:
@@ -48,7 +68,7 @@ def test_keypoints_outside_the_picture_were_not_seen() -> None:
     body = standing_body(pose)
     outside = body.keypoints[:, 0] < 0
     assert outside.any()
-    np.testing.assert_array_equal(keypoint_confidence(pose, body, PICTURE) == 0, outside)
+    np.testing.assert_array_equal(blended_keypoints(pose, body, PICTURE)[1] == 0, outside)
 
 
 def test_different_things_and_empty_crops_are_no_person() -> None:
