@@ -18,8 +18,11 @@ _GATE_GROWTH = 1.0  # sizes a second of gap
 _GATE_UNKNOWN_MOTION = 2.0  # sizes a second more, while only one sight is known
 _SIZE_RATIO = 1.8  # boxes shrink when legs hide, but not by more from one sight to the next
 _EXCHANGE_PENALTY = 0.05  # sizes: left and right taken for each other only where that explains much
+_MISREAD_PENALTY = 0.10  # sizes: limbs read wrongly around a torso in the right place
 _OVERLAP_WEIGHT = 0.3
-_APPEARANCE_WEIGHT = 1.0
+# One person's clothes agree to 0.015 from sight to sight in 95 of 100 cases, two people's differ by 0.14 in the median.
+UNLIKE = 0.06  # 1 - dot of unit appearances that weighs as much as a whole gate of distance
+_STRANGEST = 1.2  # distance in gates plus unlikeness: beyond, a new tracklet starts and may be linked later
 
 
 def associate(frames: Sequence[Sequence[Sight]]) -> list[Tracklet]:
@@ -70,13 +73,18 @@ def _costs(ends: list[End], motion_known: NDArray[np.bool_], sights: Sequence[Si
         stacked(sights, "keypoints"),
         stacked(sights, "confidence"),
     )
-    distances = np.fmin(direct, exchanged + _EXCHANGE_PENALTY * sizes[:, None])
     centres = np.stack([end.sight.centre for end in ends]) + shifts
     between_centres = np.linalg.norm(centres[:, None] - np.stack([s.centre for s in sights])[None], axis=-1)
-    distances = np.where(np.isnan(distances), between_centres, distances)
+    readings = (
+        direct,
+        exchanged + _EXCHANGE_PENALTY * sizes[:, None],
+        between_centres + _MISREAD_PENALTY * sizes[:, None],
+    )
+    distances = np.fmin.reduce(readings)
 
     overlaps = box_overlaps(stacked(last, "box") + np.tile(shifts, 2), stacked(sights, "box"))
-    unlike = 1 - np.stack([end.appearance for end in ends]) @ stacked(sights, "appearance").T
+    unlike = (1 - np.stack([end.appearance for end in ends]) @ stacked(sights, "appearance").T) / UNLIKE
     ratio = np.abs(np.log(sizes[:, None] / np.array([s.size for s in sights])[None]))
-    costs = distances / gates[:, None] + _OVERLAP_WEIGHT * (1 - overlaps) + _APPEARANCE_WEIGHT * unlike
-    return np.where((distances > gates[:, None]) | (ratio > np.log(_SIZE_RATIO)), FORBIDDEN, costs)
+    strangeness = distances / gates[:, None] + unlike
+    impossible = (distances > gates[:, None]) | (strangeness > _STRANGEST) | (ratio > np.log(_SIZE_RATIO))
+    return np.where(impossible, FORBIDDEN, strangeness + _OVERLAP_WEIGHT * (1 - overlaps))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from core_solver.tracking.association import FORBIDDEN, assign
+from core_solver.tracking.association import FORBIDDEN, UNLIKE, assign
 from core_solver.tracking.tracklets import End, Tracklet
 
 Array = NDArray[np.float64]
@@ -15,8 +15,8 @@ _REACHES = (0.5, 1.0, 2.5)
 _GATE = 0.30  # sizes
 _GATE_GROWTH = 0.5  # sizes a second of gap
 _SIZE_RATIO = 1.8
-_MOST_UNLIKE = 0.5  # 1 - dot of unit appearances
-_APPEARANCE_WEIGHT = 2.0
+_STRANGEST = 1.2  # miss in gates plus unlikeness: two tracks of one person do less harm than one of two people
+_STOP_PENALTY = 0.5  # gates: people stop and turn while they are hidden, but seldom
 _SIZE_WEIGHT = 0.5
 
 
@@ -51,11 +51,13 @@ def _cost(before: End, after: End, reach: float) -> float:
     if after.sight.row <= before.sight.row or gap > reach:
         return FORBIDDEN
     size = np.sqrt(before.size * after.size)
+    gate = size * (_GATE + _GATE_GROWTH * gap)
     forwards = np.linalg.norm(before.centre_at(after.sight.time) - after.sight.centre)
     backwards = np.linalg.norm(after.centre_at(before.sight.time) - before.sight.centre)
-    miss = float(forwards + backwards) / 2 / size / (_GATE + _GATE_GROWTH * gap)
+    moved = np.linalg.norm(after.sight.centre - before.sight.centre)
+    miss = min(float(forwards + backwards) / 2 / gate, float(moved) / gate + _STOP_PENALTY)
     growth = abs(float(np.log(after.size / before.size)))
-    unlike = 1 - float(before.appearance @ after.appearance)
-    if miss > 1 or growth > np.log(_SIZE_RATIO) or unlike > _MOST_UNLIKE:
+    strangeness = miss + (1 - float(before.appearance @ after.appearance)) / UNLIKE
+    if miss > 1 or growth > np.log(_SIZE_RATIO) or strangeness > _STRANGEST:
         return FORBIDDEN
-    return miss + _SIZE_WEIGHT * growth + _APPEARANCE_WEIGHT * unlike
+    return strangeness + _SIZE_WEIGHT * growth

@@ -86,3 +86,18 @@ def test_a_person_who_stays_turned_round_is_believed():
     turned = [with_detections(f, map(mirrored, f.detections)) if i >= 50 else f for i, f in enumerate(frames)]
     track = track_of(turned)
     np.testing.assert_allclose(track.keypoints[60], turned[60].detections[0].keypoints)
+
+
+def test_limbs_read_wrongly_around_a_torso_in_place_do_not_split_a_person():
+    limbs = [i for i, name in enumerate(KEYPOINT_NAMES) if "shoulder" not in name and "hip" not in name]
+
+    def misread(detection):
+        keypoints = detection.keypoints.copy()
+        keypoints[limbs] = keypoints[np.random.default_rng(0).permutation(limbs)]
+        return replace(detection, keypoints=keypoints)
+
+    frames = film([WALKER], 2)
+    wrong = [with_detections(f, map(misread, f.detections)) if 30 <= i < 42 else f for i, f in enumerate(frames)]
+    result = track_people(wrong, IMAGE_SIZE, LABEL_SIZE)
+    assert len(result.tracks) == 1
+    assert result.tracks[0].valid.all()
