@@ -37,7 +37,8 @@ def extension_zip(repo_root: Path, tmp_path_factory: pytest.TempPathFactory) -> 
 def bpy_installed(extension_zip: Path) -> Iterator[Any]:
     """bpy with the extension enabled and the user's own settings out of the way."""
     with tempfile.TemporaryDirectory(prefix="blender-user-", ignore_cleanup_errors=True) as folder:
-        # Blender reads this once, when it is loaded.
+        # Blender reads this once, when it is loaded; later it would install into the user's own settings.
+        assert "bpy" not in sys.modules
         os.environ["BLENDER_USER_RESOURCES"] = folder
         bpy = pytest.importorskip("bpy")
         bpy.ops.extensions.package_install_files(
