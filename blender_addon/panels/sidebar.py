@@ -21,4 +21,4 @@ class MocapPanel(bpy.types.Panel):
         box = self.layout.box()
         box.label(text=person.name, icon="ARMATURE_DATA")
         box.label(text=f"Height {person['height_m']:.2f} m")
-        box.label(text=f"Body {person['body_model']} ({person['body_licence']})")
+        box.label(text=f"Body {person['body_model']}")
