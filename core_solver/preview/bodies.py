@@ -29,6 +29,11 @@ class PosablePerson:
         name = self.person.name if self.person.name.isascii() else f"Person {self.person.id}"
         return f"{name}  {self.person.height_m:.2f} m"
 
+    @property
+    def short_label(self) -> str:
+        """Id and height."""
+        return f"{self.person.id}: {self.person.height_m:.2f} m"
+
     @cached_property
     def _weights(self) -> Array:
         """(V, 24) from the take's four weights a vertex."""

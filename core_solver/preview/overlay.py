@@ -68,11 +68,11 @@ class TakeOverFootage:
             for p in self.people
         ]
         result = draw_bodies(picture, bodies, self.camera)
-        scale = max(picture.shape[:2]) / 1000
+        scale = min(picture.shape[:2]) / 720
         for person, body in zip(self.people, bodies, strict=True):
             self._name(result, person, body, scale)
         stamp = f"frame {number}   {self.take.times[frame]:.2f} s"
-        draw_text(result, stamp, (10 * scale, picture.shape[0] - 12 * scale), 0.8 * scale)
+        draw_text(result, stamp, (10 * scale, picture.shape[0] - 12 * scale), 0.75 * scale)
         return result
 
     def _name(self, picture: Image, person: PosablePerson, body: ShownBody, scale: float) -> None:
@@ -83,8 +83,8 @@ class TakeOverFootage:
             return
         u, v = self.camera.project(crown)
         if 0 <= u < self.camera.width and 0 <= v < self.camera.height:
-            text = person.label if body.seen else f"{person.label} (not seen)"
-            draw_text(picture, text, (u - 80 * scale, v - 12 * scale), 0.8 * scale, person.colour)
+            text = person.short_label if body.seen else f"{person.short_label} (not seen)"
+            draw_text(picture, text, (u - 55 * scale, v - 12 * scale), 0.8 * scale)
 
 
 def write_overlay(footage: TakeOverFootage, path: Path, advance: Advance) -> None:

@@ -12,7 +12,7 @@ from core_solver.camera import Camera
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
-_OPACITY = 0.72
+_OPACITY = 0.65
 _FAINT_OPACITY = 0.45
 _STRIPE = 8  # pixels, of a picture 1000 pixels high
 _NEAREST = 0.05  # metres; nearer triangles would cross the lens

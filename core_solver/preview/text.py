@@ -9,15 +9,13 @@ INK = (60, 50, 45)
 _OUTLINE = (25, 25, 25)
 
 
-def draw_text(
-    picture: NDArray[np.uint8], text: str, place: tuple[float, float], size: float, colour: tuple[int, int, int] = WHITE
-) -> None:
-    """Draw outlined text into a BGR picture, its lower left corner at (u, v), moved to stay inside the picture."""
+def draw_text(picture: NDArray[np.uint8], text: str, place: tuple[float, float], size: float) -> None:
+    """Draw white outlined text, its lower left corner at (u, v), moved to stay inside the BGR picture."""
     thickness = max(1, round(1.5 * size))
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, thickness)
     u = round(min(max(place[0], 2), max(picture.shape[1] - width - 4, 2)))
     v = round(min(max(place[1], height + 2), picture.shape[0] - 4))
-    for paint, weight in ((_OUTLINE, 3 * thickness), (colour, thickness)):
+    for paint, weight in ((_OUTLINE, 3 * thickness), (WHITE, thickness)):
         cv2.putText(picture, text, (u, v), cv2.FONT_HERSHEY_SIMPLEX, size, paint, weight, cv2.LINE_AA)
 
 

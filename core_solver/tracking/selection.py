@@ -86,3 +86,17 @@ def _dropped(tracklet: Tracklet) -> DroppedTrack:
     boxes = np.stack([s.detection.box for s in tracklet.sights]).astype(float)
     u, v = (boxes[:, :2] + boxes[:, 2:]).mean(axis=0) / 2
     return DroppedTrack(tracklet.sights[0].row, len(tracklet.sights), (float(u), float(v)))
+
+
+def describe_left_out(dropped: Sequence[DroppedTrack], frame_count: int) -> list[str]:
+    """A sentence for each person left out: who, and why. Frames are those of the take, counted from 0."""
+    needed = required_frames(frame_count)
+    return [_sentence(person, needed) for person in dropped]
+
+
+def _sentence(person: DroppedTrack, needed: int) -> str:
+    u, v = person.position
+    who = f"Somebody near pixel ({u:.0f}, {v:.0f}), first seen in frame {person.first_frame}, was left out:"
+    if person.frame_count < needed:
+        return f"{who} seen in {person.frame_count} frames, {needed} are needed."
+    return f"{who} others were seen better."
