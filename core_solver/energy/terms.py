@@ -72,6 +72,20 @@ def speed(translations: Tensor, seconds: Tensor, sigma: float) -> Tensor:
     return (velocity**2).sum()
 
 
+def acceleration(translations: Tensor, seconds: Tensor, sigma: float) -> Tensor:
+    """Root acceleration, robust: beyond the paper, it tells a trembling depth from a real motion.
+
+    Args:
+        translations: (N, T, 3) at unit scale.
+        seconds: (T - 1,) between frames.
+        sigma: per second squared.
+    """
+    velocity = (translations[:, 1:] - translations[:, :-1]) / seconds[:, None]
+    middle = 0.5 * (seconds[1:] + seconds[:-1])
+    change = (velocity[:, 1:] - velocity[:, :-1]) / (sigma * middle[:, None])
+    return charbonnier((change**2).sum(-1)).sum()
+
+
 def depth(body_log_depth: Tensor, scene_log_depth: Tensor, weight: Tensor, sigma: float) -> Tensor:
     """Mean log depth of a body against that of the depth map in its mask (paper E_depth), robust.
 
@@ -84,15 +98,16 @@ def depth(body_log_depth: Tensor, scene_log_depth: Tensor, weight: Tensor, sigma
     return (weight * charbonnier(((body_log_depth - scene_log_depth) / sigma) ** 2)).sum()
 
 
-def contact(sole_heights: Tensor, probability: Tensor, sigma: float) -> Tensor:
-    """Soles in contact lie on the ground; a sole more than 20 cm away is not pulled (paper E_contact).
+def contact(sole_heights: Tensor, probability: Tensor, reach: Tensor, sigma: float) -> Tensor:
+    """Soles in contact lie on the ground; a sole out of reach is not pulled (paper E_contact).
 
     Args:
         sole_heights: (N, T, 2) metres of each foot's lowest point above its support.
         probability: (N, T, 2) of being in contact.
+        reach: (N, T) metres, `CONTACT_RANGE_M` or what far people's depth leaves open.
         sigma: metres.
     """
-    near = (sole_heights.detach().abs() < CONTACT_RANGE_M).to(sole_heights.dtype)
+    near = (sole_heights.detach().abs() < reach[..., None]).to(sole_heights.dtype)
     return (probability * near * charbonnier((sole_heights / sigma) ** 2)).sum()
 
 

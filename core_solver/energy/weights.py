@@ -21,6 +21,8 @@ class Weights:
         height_mean_m: metres; the world's adults, men 1.71 and women 1.59 (NCD Risk Factor Collaboration 2016).
         speed: root motion between frames.
         speed_sigma: body heights a second.
+        acceleration: root acceleration.
+        acceleration_sigma: metres a second squared.
         depth: body depth against the depth map.
         depth_sigma: deviation of log depth of the network.
         contact: soles on the ground while they are in contact.
@@ -43,6 +45,8 @@ class Weights:
     height_mean_m: float = 1.65
     speed: float = 0.02
     speed_sigma: float = 1.0
+    acceleration: float = 1.0
+    acceleration_sigma: float = 4.0
     depth: float = 1.0
     depth_sigma: float = 0.15
     contact: float = 1.0

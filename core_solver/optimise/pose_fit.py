@@ -19,6 +19,7 @@ from core_solver.optimise.evidence import Evidence
 from core_solver.optimise.limb_pose import limb_pose
 from core_solver.optimise.placement import place
 from core_solver.optimise.posing import TorchBody, pose
+from core_solver.optimise.root_motion import ROOT_ACCELERATION, smooth_depths
 
 Array = NDArray[np.float64]
 
@@ -95,10 +96,11 @@ def fit_poses(
 
 
 def place_clip(points: Array, evidence: Evidence, camera: Camera) -> Array:
-    """Closed-form translations (N, T, 3) of posed keypoints (N, T, 25, 3); frames without evidence are interpolated."""
+    """Closed-form translations (N, T, 3) of posed keypoints (N, T, 25, 3), with depths smoothed along the clip."""
     rays = (evidence.pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
     translations, good = place(points, rays, evidence.confidence)
     good &= evidence.valid
+    centres = points.mean(axis=2)
     frames = np.arange(translations.shape[1])
     for person in range(len(translations)):
         known = np.flatnonzero(good[person])
@@ -106,8 +108,12 @@ def place_clip(points: Array, evidence: Evidence, camera: Camera) -> Array:
             # Nobody there to place: anywhere in front of the camera keeps the arithmetic finite.
             translations[person] = (0, 0, 5)
             continue
+        body = centres[person] + translations[person]
         for axis in range(3):
-            translations[person, :, axis] = np.interp(frames, known, translations[person, known, axis])
+            body[:, axis] = np.interp(frames, known, body[known, axis])
+        # Keypoints fix the viewing ray well and the depth along it badly.
+        depths = smooth_depths(body[:, 2], good[person], evidence.times)
+        translations[person] = body * (depths / body[:, 2])[:, None] - centres[person]
     return translations
 
 
@@ -144,6 +150,7 @@ class _Problem:
             + self._reprojection_term(points + translation[:, :, None])
             + self._anatomy_term(theta)
             + self._smoothness_term(points)
+            + self._root_term(translation)
         )
 
     def _landmark_term(self, points: Tensor) -> Tensor:
@@ -173,3 +180,8 @@ class _Problem:
         middle = 0.5 * (self._seconds[1:] + self._seconds[:-1])
         acceleration = (velocity[:, 1:] - velocity[:, :-1]) / middle[:, None, None]
         return charbonnier(((acceleration / _ACCELERATION_SIGMA) ** 2).sum(-1)).sum()
+
+    def _root_term(self, translation: Tensor) -> Tensor:
+        if translation.shape[1] < 3:
+            return translation.sum() * 0
+        return terms.acceleration(translation, self._seconds, ROOT_ACCELERATION)

@@ -31,6 +31,7 @@ STAGE_ONE_ITERATIONS = 60
 STAGE_TWO_ITERATIONS = 200
 
 _DEPTH_RANGE_SIGMA = 0.05  # a frame's log z_near and z_far about the clip's: networks jitter that much
+_CONTACT_REACH = 0.03  # of the distance: how well a far person's height above the ground is known
 _FILLED_TRUST = 0.3  # theta^ of a frame without evidence keeps the motion plausible
 
 
@@ -176,6 +177,8 @@ class JointEnergy:
         energy = energy + w.betas * terms.shape(v.betas, self._betas_hat) * v.theta.shape[1]
         if len(self._seconds):
             energy = energy + w.speed * terms.speed(v.translation, self._seconds, w.speed_sigma)
+        if len(self._seconds) > 1:
+            energy = energy + w.acceleration * terms.acceleration(v.translation, self._seconds, w.acceleration_sigma)
         if self._depth is not None:
             energy = energy + w.depth * self._depth_term(v, points)
         return energy
@@ -201,7 +204,9 @@ class JointEnergy:
         if self._contacts is None:
             return points.proxy.sum() * 0
         heights = self.sole_heights(points.proxy)
-        return self._weights.contact * terms.contact(heights, self._contacts, self._weights.contact_sigma)
+        distance = points.joints[:, :, 0, 2].detach()
+        reach = (_CONTACT_REACH * distance).clamp_min(terms.CONTACT_RANGE_M)
+        return self._weights.contact * terms.contact(heights, self._contacts, reach, self._weights.contact_sigma)
 
     def _slip_term(self, proxy: Tensor) -> Tensor:
         if self._contacts is None or not len(self._seconds):
