@@ -37,7 +37,8 @@ def fit_similarity(
         with_scale: also fit one scale.
 
     Returns:
-        The transform that minimises the weighted sum of squared distances.
+        The transform that minimises the weighted sum of squared distances. Points that fix no scale, as when they all
+        lie in one place, leave it at 1.
     """
     a, b = np.asarray(source, float), np.asarray(target, float)
     w = np.ones(len(a)) if weights is None else np.asarray(weights, float)
@@ -46,6 +47,9 @@ def fit_similarity(
     U, singular, Vt = np.linalg.svd((b - mean_b).T @ (w[:, None] * (a - mean_a)))
     signs = np.array([1.0, 1.0, np.sign(np.linalg.det(U @ Vt)) or 1.0])
     rotation = U @ np.diag(signs) @ Vt
+    covariance = float(singular @ signs)
+    # The means are rounded, so that points in one place differ from theirs by a last digit: that is no size.
+    rounding = 1e-14 * float(np.abs(a).max() * np.abs(b).max())
     spread = float(w @ np.sum((a - mean_a) ** 2, axis=1))
-    scale = float(singular @ signs / spread) if with_scale and spread > 0 else 1.0
+    scale = covariance / spread if with_scale and covariance > rounding else 1.0
     return Similarity(rotation, mean_b - scale * rotation @ mean_a, scale)

@@ -108,14 +108,17 @@ def align_vectors(source: ArrayLike, target: ArrayLike) -> Array:
     Returns:
         (..., 3, 3); for opposite vectors a half turn about some axis across them.
     """
-    a = _unit(source)
-    b = _unit(target)
-    cosine = np.sum(a * b, axis=-1)[..., None, None]
-    K = skew(np.cross(a, b))
-    turned = np.eye(3) + K + K @ K / np.maximum(1 + cosine, 1e-12)
-    across = _unit(np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=-1)]))
-    half_turn = 2 * across[..., :, None] * across[..., None, :] - np.eye(3)
-    return np.where(cosine < -1 + 1e-9, half_turn, turned)
+    a, b = np.broadcast_arrays(_unit(source), _unit(target))
+    # Half a turn about `a` and then about the direction midway from a to b: together twice the angle between them.
+    middle = a + b
+    length = np.linalg.norm(middle, axis=-1, keepdims=True)
+    across = np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=-1)])
+    middle = np.where(length > _SMALL_ANGLE, middle, across)
+    return _half_turn(_unit(middle)) @ _half_turn(a)
+
+
+def _half_turn(axes: Array) -> Array:
+    return 2 * axes[..., :, None] * axes[..., None, :] - np.eye(3)
 
 
 def _unit(vectors: ArrayLike) -> Array:
