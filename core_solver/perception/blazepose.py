@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core_solver.errors import ModelError
-from core_solver.perception.multipose import COCO_COUNT, Pose
+from core_solver.perception.multipose import COCO_COUNT, Pose, person_size
 
 Floats = NDArray[np.float32]
 Image = NDArray[np.uint8]
@@ -250,11 +250,6 @@ def disagreement(pose: Pose, body: BodyLandmarks, *, mirrored: bool = False) -> 
     own = body.keypoints[MIRRORED_COCO if mirrored else slice(COCO_COUNT)]
     distance = np.linalg.norm(own - pose.keypoints, axis=1) / person_size(pose)
     return float(np.average(distance, weights=pose.confidence + 1e-3))
-
-
-def person_size(pose: Pose) -> float:
-    """Longer side of the person's box, pixels."""
-    return max(float(np.max(pose.box[2:] - pose.box[:2])), 1.0)
 
 
 def _body_landmarks(

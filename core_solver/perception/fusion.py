@@ -5,14 +5,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core_solver.perception.appearance import describe_clothes
-from core_solver.perception.blazepose import BodyLandmarks, disagreement, inverse, person_size, transform, warp
-from core_solver.perception.multipose import COCO_COUNT, Pose, same_person
+from core_solver.perception.blazepose import BodyLandmarks, disagreement, inverse, transform, warp
+from core_solver.perception.multipose import COCO_COUNT, Pose, person_size, same_person
 from core_solver.perception.observations import CroppedMask, Detection
 
 Floats = NDArray[np.float32]
 
 _LEAST_PRESENCE = 0.5
-_GROSS = 0.12  # of the person's size: mean distance at which the two networks see different things
+_GROSS = 0.14  # of the person's size: mean distance at which the two networks see different things
 _TOLERANCE, _DOUBT = 0.03, 0.05  # of the person's size: distance without doubt, and the fall beyond it
 _CERTAIN = 0.3  # MoveNet's keypoint score from which its opinion counts in full
 
@@ -22,6 +22,8 @@ _MOVENET_WEIGHT = 2.0  # its scores run to about 0.8, BlazePose's visibility to 
 _WITNESS = np.array([*range(COCO_COUNT), 15, 16, 15, 16, 9, 10, 9, 10])
 
 _MASK_EDGE = 25  # of 255: cells below are outside
+_MASK_INSIDE = 128
+_LEAST_OWN = 0.3  # of a person's cells
 
 
 def fuse(pose: Pose, body: BodyLandmarks, picture: tuple[int, int], labels: tuple[int, int]) -> Detection | None:
@@ -88,12 +90,23 @@ def warp_mask(body: BodyLandmarks, picture: tuple[int, int], labels: tuple[int, 
     return _trim(_connected(values, seen), int(top), int(left))
 
 
-def without_doubles(detections: list[Detection]) -> tuple[Detection, ...]:
-    """One detection a person: two finds may turn out to be the same person once BlazePose has looked closer."""
+def without_doubles(detections: list[Detection], labels: tuple[int, int]) -> tuple[Detection, ...]:
+    """One detection a person, surest first.
+
+    Two finds may turn out to be the same person once BlazePose has looked closer, or a find may be a mixture of two
+    neighbours: either claims hardly any cells of the label grid (width, height) that a surer one does not claim.
+    """
     kept: list[Detection] = []
+    claimed = np.zeros((labels[1], labels[0]), bool)
     for one in sorted(detections, key=lambda d: -d.score * float(d.confidence.mean())):
-        if not any(same_person(_as_pose(one), _as_pose(other)) for other in kept):
-            kept.append(one)
+        inside = one.mask.values >= _MASK_INSIDE
+        rows, columns = inside.shape
+        place = claimed[one.mask.top : one.mask.top + rows, one.mask.left : one.mask.left + columns]
+        of_its_own = np.count_nonzero(inside & ~place) / max(np.count_nonzero(inside), 1)
+        if of_its_own < _LEAST_OWN or any(same_person(_as_pose(one), _as_pose(other)) for other in kept):
+            continue
+        place |= inside
+        kept.append(one)
     return tuple(kept)
 
 

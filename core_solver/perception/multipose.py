@@ -1,11 +1,11 @@
 """People in a picture with MoveNet MultiPose, near and far.
 
 The network finds at most six people and only those of a certain size: at 256 pixels it loses the far ones, at 768 the
-near ones. So it looks at the whole picture at two sizes, and where there are many people or small ones also at
-overlapping tiles; the finds are merged.
+near ones. So it looks at the whole picture at two sizes, where there are many people or small ones also at
+overlapping tiles, and where it is in doubt from close by; the finds are merged.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -23,8 +23,12 @@ COCO_COUNT = 17
 _STRIDE = 32  # the network's input sides are multiples of this
 _WHOLE_SIZES = (256, 512)  # pixels of the longer side: the first for near people, the second for farther ones
 _TILE_SIZE = 384
+_DOUBTFUL, _SURE = 0.1, 0.3  # person scores between which someone may be there
+_WINDOW_SIDE = 2.5  # of a doubtful person's size
+_WINDOW_SIZE = 320
+_MOST_WINDOWS = 4
 _CROWD = 5  # people; the network names at most six
-_SMALL = 0.23  # of the picture's longer side
+_SMALL = 0.245  # of the picture's longer side
 
 # COCO's own spreads of the 17 keypoints, relative to the square root of a person's area.
 _SPREAD = 2 * np.array(
@@ -86,11 +90,16 @@ class MultiPose:
     def __call__(self, image: Image) -> tuple[Pose, ...]:
         """The people in a (H, W, 3) BGR picture, surest first."""
         height, width = image.shape[:2]
-        whole = View(0, 0, width, height, _WHOLE_SIZES[0])
-        found = [pose for size in _WHOLE_SIZES for pose in self._look(image, replace(whole, size=size))]
-        if wants_closer_look(merge_poses(found), max(width, height)):
-            found += [pose for tile in picture_tiles(width, height) for pose in self._look(image, tile)]
-        return merge_poses(found)
+        found = [p for size in _WHOLE_SIZES for p in self._look(image, View(0, 0, width, height, size))]
+        if wants_closer_look(self._sure(found), max(width, height)):
+            found += [p for tile in picture_tiles(width, height) for p in self._look(image, tile)]
+        found += [
+            p for window in doubtful_windows(merge_poses(found), width, height) for p in self._look(image, window)
+        ]
+        return merge_poses(list(self._sure(found)))
+
+    def _sure(self, found: list[Pose]) -> tuple[Pose, ...]:
+        return tuple(pose for pose in merge_poses(found) if pose.score >= self._least_score)
 
     def _look(self, image: Image, view: View) -> list[Pose]:
         part = image[view.top : view.top + view.height, view.left : view.left + view.width]
@@ -98,17 +107,12 @@ class MultiPose:
         rows = np.asarray(self._session.run(None, {self._input: tensor})[0])[0]
         poses = decode_poses(rows, tensor.shape[1:3], scale, (view.left, view.top))
         whole_height, whole_width = image.shape[:2]
-        return [
-            pose
-            for pose in poses
-            if pose.score >= self._least_score and not _is_cut(pose.box, view, whole_width, whole_height)
-        ]
+        return [p for p in poses if p.score >= _DOUBTFUL and not _is_cut(p.box, view, whole_width, whole_height)]
 
 
 def wants_closer_look(people: tuple[Pose, ...], picture_size: int) -> bool:
     """Whether there may be more people than the network can name at once, or too small for it to see them all."""
-    sizes = [float(np.max(pose.box[2:] - pose.box[:2])) for pose in people]
-    return len(people) >= _CROWD or min(sizes, default=0.0) < _SMALL * picture_size
+    return len(people) >= _CROWD or min(map(person_size, people), default=0.0) < _SMALL * picture_size
 
 
 def picture_tiles(width: int, height: int) -> tuple[View, ...]:
@@ -118,6 +122,20 @@ def picture_tiles(width: int, height: int) -> tuple[View, ...]:
     columns = np.linspace(0, width - across, 1 if across == width else 2)
     rows = np.linspace(0, height - down, 1 if down == height else 2)
     return tuple(View(int(x), int(y), across, down, _TILE_SIZE) for y in rows for x in columns)
+
+
+def doubtful_windows(people: tuple[Pose, ...], width: int, height: int) -> tuple[View, ...]:
+    """Windows around finds of low score, surest first, for a look from close by; neighbours share one."""
+    windows: list[View] = []
+    for pose in people:
+        side = round(_WINDOW_SIDE * person_size(pose))
+        if pose.score >= _SURE or side > 0.6 * max(width, height) or any(_holds(w, pose.box) for w in windows):
+            continue
+        across, down = min(side, width), min(side, height)
+        x, y = pose.box.reshape(2, 2).mean(axis=0)
+        left, top = (int(np.clip(c - s / 2, 0, end - s)) for c, s, end in ((x, across, width), (y, down, height)))
+        windows.append(View(left, top, across, down, _WINDOW_SIZE))
+    return tuple(windows[:_MOST_WINDOWS])
 
 
 def letterbox(part: Image, size: int, fixed: tuple[int, int] | None) -> tuple[NDArray[np.int32], float]:
@@ -177,6 +195,11 @@ def same_person(a: Pose, b: Pose) -> bool:
     return float(np.mean(np.exp(-squared / (2 * area * _SPREAD[both] ** 2)))) > _SAME_PERSON
 
 
+def person_size(pose: Pose) -> float:
+    """Longer side of the person's box, pixels."""
+    return max(float(np.max(pose.box[2:] - pose.box[:2])), 1.0)
+
+
 def box_overlap(a: Floats, b: Floats) -> float:
     """Intersection over union of two boxes (4,) left, top, right, bottom."""
     size = np.maximum(np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2]), 0)
@@ -190,6 +213,11 @@ def _quality(pose: Pose) -> float:
 
 def _area(box: Floats) -> float:
     return float(max(box[2] - box[0], 0) * max(box[3] - box[1], 0))
+
+
+def _holds(view: View, box: Floats) -> bool:
+    inside = (box[:2] >= (view.left, view.top)) & (box[2:] <= (view.left + view.width, view.top + view.height))
+    return bool(inside.all())
 
 
 def _is_cut(box: Floats, view: View, width: int, height: int) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core_solver.perception.blazepose import BlazePose
-from core_solver.perception.disparity import DisparityNetwork, disparity_files, open_disparity
+from core_solver.perception.disparity import DisparityNetwork, disparity_files, nearest_shape, open_disparity
 from core_solver.perception.fusion import fuse, without_doubles
 from core_solver.perception.multipose import MultiPose, Pose
 from core_solver.perception.observations import Detection, FrameInfo, FrameObservations
@@ -42,8 +42,8 @@ class Networks:
 
     def files_for(self, width: int, height: int) -> tuple[Path, ...]:
         """The files that decide what is seen in a video of this size."""
-        disparity = self.open_disparity(width, height)
-        return (self.people.path, self.body.path, *((disparity.path,) if disparity else ()))
+        depth = (nearest_shape(self.disparity_files, width / height),) if self.disparity_files else ()
+        return (self.people.path, self.body.path, *depth)
 
     def open_disparity(self, width: int, height: int) -> DisparityNetwork | None:
         """The depth network for a video of this size, if there is one."""
@@ -91,7 +91,7 @@ def perceive(
     """
     positions = range(len(clip.frame_list)) if positions is None else positions
     disparity = networks.open_disparity(clip.width, clip.height)
-    with progress.stage("look at people", len(positions)) as advance:
+    with progress.stage("See the people", len(positions)) as advance:
         # While BlazePose, which uses one core, looks at one frame, the next one is decoded and searched for people.
         for found in _one_ahead(_find_people(clip, positions, networks.people, disparity)):
             yield FrameObservations(found.frame, look_at(found.image, found.poses, networks.body), found.disparity)
@@ -101,8 +101,9 @@ def perceive(
 def look_at(image: Image, poses: Sequence[Pose], body: BlazePose) -> tuple[Detection, ...]:
     """The people in a (H, W, 3) BGR picture, from where MoveNet found them."""
     picture = image.shape[1], image.shape[0]
-    fused = [fuse(pose, body(image, pose), picture, label_size(*picture)) for pose in poses]
-    return without_doubles([detection for detection in fused if detection is not None])
+    labels = label_size(*picture)
+    fused = [fuse(pose, body(image, pose), picture, labels) for pose in poses]
+    return without_doubles([detection for detection in fused if detection is not None], labels)
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core_solver.perception.blazepose import MIRRORED_COCO
+from core_solver.perception.blazepose import MIRRORED, MIRRORED_COCO
 from core_solver.perception.fusion import blended_keypoints, fuse, warp_mask, without_doubles
+from core_solver.perception.multipose import Pose
+from core_solver.perception.observations import Detection
 from core_solver.perception.perceive import label_size
 from tests.solver.perception.people import standing_body, standing_pose
 
@@ -114,11 +116,28 @@ def test_a_neighbour_in_the_crop_is_left_out_of_the_mask() -> None:
     assert (alone.left, alone.top) == (together.left, together.top)
 
 
+def seen(*poses: Pose) -> list[Detection]:
+    detections = [fuse(pose, standing_body(pose), PICTURE, LABELS) for pose in poses]
+    return [d for d in detections if d is not None]
+
+
 def test_two_finds_that_become_the_same_person_are_one() -> None:
-    detections = [fuse(p, standing_body(p), PICTURE, LABELS) for p in (standing_pose(300, 100, 0.3),
-                  standing_pose(303, 100, 0.6), standing_pose(500, 100, 0.4))]  # fmt: skip
-    kept = without_doubles([d for d in detections if d is not None])
-    assert [d.score for d in kept] == [0.6, 0.4]
+    detections = seen(standing_pose(300, 100, 0.3), standing_pose(303, 100, 0.6), standing_pose(500, 100, 0.4))
+    assert [d.score for d in without_doubles(detections, LABELS)] == [0.6, 0.4]
+
+
+def test_someone_found_twice_with_sides_exchanged_is_one() -> None:
+    (sure,) = seen(standing_pose(300, 100, 0.6))
+    swapped = replace(sure, keypoints=sure.keypoints[MIRRORED], score=0.3)
+    assert without_doubles([swapped, sure], LABELS) == (sure,)
+
+
+def test_a_mixture_of_two_neighbours_is_left_out_but_an_occluded_person_stays() -> None:
+    left, right = seen(standing_pose(250, 100, 0.6), standing_pose(440, 100, 0.5))
+    (mixture,) = seen(standing_pose(345, 100, 0.3))
+    assert without_doubles([left, mixture, right], LABELS) == (left, right)
+    (behind,) = seen(standing_pose(345, 100, 0.3))
+    assert without_doubles([left, behind], LABELS) == (left, behind)
 
 
 def test_label_grid_keeps_the_pictures_shape() -> None:

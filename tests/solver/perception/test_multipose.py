@@ -13,6 +13,7 @@ from core_solver.perception.multipose import (
     MultiPose,
     Pose,
     decode_poses,
+    doubtful_windows,
     letterbox,
     merge_poses,
     picture_tiles,
@@ -110,6 +111,23 @@ def test_a_closer_look_is_for_crowds_small_people_and_empty_pictures() -> None:
     assert wants_closer_look((big,), 4000)
     assert wants_closer_look((big,) * 5, 600)
     assert wants_closer_look((), 600)
+
+
+def test_doubtful_people_get_a_window_which_neighbours_share() -> None:
+    people = (
+        standing_pose(1000, 300, score=0.7),
+        standing_pose(2000, 500, score=0.25),
+        standing_pose(2080, 520, score=0.2),
+        standing_pose(30, 20, score=0.2),
+    )
+    shared, corner = doubtful_windows(people, 3840, 2160)
+    for window, person in ((shared, people[1]), (shared, people[2]), (corner, people[3])):
+        assert window.left <= max(person.box[0], 0)
+        assert window.top <= max(person.box[1], 0)
+        assert window.left + window.width >= person.box[2]
+        assert window.top + window.height >= person.box[3]
+    assert (corner.left, corner.top) == (0, 0)
+    assert doubtful_windows(people, 600, 600) == ()  # the whole picture is as close
 
 
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
