@@ -45,7 +45,7 @@ def assemble_take(
     """Everything a take holds, in its types."""
     normal, gravity = solution.ground.normal, solution.ground.gravity
     meta = Meta(
-        frame_rate=clip.frame_rate,
+        frame_rate=clip.delivered_rate,
         first_frame=int(modalities.frames[0]),
         frame_step=clip.every,
         video_name=clip.path.name,

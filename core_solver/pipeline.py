@@ -23,7 +23,7 @@ from core_solver.perception.store import ModelStore
 from core_solver.progress import Progress
 from core_solver.scene import aggregate
 from core_solver.take import Scene, Take, write_take
-from core_solver.tracking import Modalities, track_people
+from core_solver.tracking import Modalities, describe_left_out, track_people
 from core_solver.video import VideoClip, camera_motion, open_video
 
 GROUND_PLANE_PRIOR = "ground-plane prior"
@@ -227,6 +227,7 @@ def _warnings(
         sentences.append("The field of view is an assumption: all distances scale with it.")
     if depth_source == GROUND_PLANE_PRIOR:
         sentences.append("Without a depth network the scene is a ground plane, a prior and no measurement.")
+    sentences += describe_left_out(modalities.dropped, len(modalities.times))
     if len(modalities.tracks) == 1:
         sentences.append("One person alone: their size rests on the prior that people are 1.65 m tall on average.")
     for sentence in sentences[:1] if motion.is_moving else ():

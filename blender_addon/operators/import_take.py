@@ -12,7 +12,7 @@ from bpy_extras.io_utils import ImportHelper
 from core_solver.errors import UserError
 from core_solver.take import read_take
 
-from ..scene_import.take_import import ImportOptions, import_take  # noqa: TID252 - only Blender knows the full name
+from ..scene_import.take_import import ImportOptions, import_take
 
 
 class ImportTake(bpy.types.Operator, ImportHelper):

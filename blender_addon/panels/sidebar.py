@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..operators.import_take import ImportTake  # noqa: TID252 - only Blender knows the full name
+from ..operators.import_take import ImportTake
 
 
 class MocapPanel(bpy.types.Panel):

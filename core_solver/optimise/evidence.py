@@ -44,7 +44,7 @@ def gather_evidence(modalities: Modalities, camera: Camera) -> Evidence:
     confidence = np.stack([t.confidence for t in tracks]).astype(float)
     valid = np.stack([t.valid for t in tracks])
     confidence = np.where(valid[..., None] & np.isfinite(pixels).all(-1), np.clip(confidence, 0, 1), 0)
-    pixels = np.nan_to_num(pixels)
+    pixels = _fill_missing(pixels)
     landmarks = np.nan_to_num(np.stack([t.landmarks for t in tracks]).astype(float))
     return Evidence(
         seconds=np.diff(modalities.times),
@@ -55,6 +55,14 @@ def gather_evidence(modalities: Modalities, camera: Camera) -> Evidence:
         landmarks=turn_to_camera(landmarks, pixels, camera),
         size=_person_sizes(pixels, confidence, valid),
     )
+
+
+def _fill_missing(pixels: Array) -> Array:
+    """Pixels (..., 25, 2) that are no numbers move to the middle of the others, where they turn nothing."""
+    known = np.isfinite(pixels).all(axis=-1, keepdims=True)
+    finite = np.where(known, pixels, 0)
+    middle = finite.sum(axis=-2, keepdims=True) / np.maximum(known.sum(axis=-2, keepdims=True), 1)
+    return np.where(known, pixels, middle)
 
 
 def turn_to_camera(landmarks: Array, pixels: Array, camera: Camera) -> Array:

@@ -178,7 +178,8 @@ def _refresh(
     proxy = points.proxy.cpu().double().numpy()
     if modalities.disparity is not None:
         energy.set_depth(sample_bodies(proxy, evidence.valid, modalities, camera))
-    energy.set_contacts(contact_probability(heights, still) * evidence.valid[..., None])
+    contacts = contact_probability(heights, still, points.joints[:, :, 0, 2].cpu().double().numpy())
+    energy.set_contacts(contacts * evidence.valid[..., None])
     return points
 
 
@@ -188,7 +189,7 @@ def _solution(
     with torch.no_grad():
         points = pose_points(variables, body)
         heights = energy.sole_heights(points.proxy).cpu().double().numpy()
-    contacts = contact_probability(heights, still)
+    contacts = contact_probability(heights, still, points.joints[:, :, 0, 2].cpu().double().numpy())
     settled = heights[(contacts > 0.5) & evidence.valid[..., None]]
     # The plane takes its final height from the soles that stand on it.
     offset = ground.offset - (float(np.median(settled)) if len(settled) else 0.0)

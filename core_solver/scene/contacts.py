@@ -12,6 +12,7 @@ _FEET = [[keypoint_index(f"{side}_{part}") for part in ("heel", "toe", "ankle")]
 _WINDOW_S = 0.12
 _STILL_SIZES_PER_S = 0.35
 _SOLE_HEIGHT_M = 0.08
+_SOLE_HEIGHT_PER_M = 0.025
 
 
 def still_feet(pixels: Array, confidence: Array, size: Array, times: Array) -> Array:
@@ -34,7 +35,7 @@ def still_feet(pixels: Array, confidence: Array, size: Array, times: Array) -> A
     return result
 
 
-def contact_probability(sole_heights: Array, still: Array) -> Array:
+def contact_probability(sole_heights: Array, still: Array, distance: Array) -> Array:
     """Probability that a sole stands on its support: low in the world and still in the picture.
 
     The picture is the better witness of rest: solved depth trembles by more than a foot creeps.
@@ -42,11 +43,13 @@ def contact_probability(sole_heights: Array, still: Array) -> Array:
     Args:
         sole_heights: (N, T, 2) metres of each foot's lowest point above its support.
         still: (N, T, 2) from `still_feet`.
+        distance: (N, T) metres from the camera: the height of far feet is known less well.
 
     Returns:
         (N, T, 2).
     """
-    return expit((_SOLE_HEIGHT_M - np.abs(sole_heights)) / 0.015) * still
+    tolerance = np.maximum(_SOLE_HEIGHT_M, _SOLE_HEIGHT_PER_M * distance)[..., None]
+    return expit(5 * (1 - np.abs(sole_heights) / tolerance)) * still
 
 
 def _windowed_speed(points: Array, times: Array) -> Array:
