@@ -17,6 +17,9 @@ TIMES = "times"
 PERSON = "people/{index}/{field}"
 SCENE = "scene/{field}"
 
+META_ARRAY = ArraySpec(np.uint8, ("n",))
+TIMES_ARRAY = ArraySpec(np.float64, ("T",))
+
 PERSON_ARRAYS: dict[str, ArraySpec] = {
     "theta": ArraySpec(np.float32, ("T", 24, 3)),
     "gamma": ArraySpec(np.float32, ("T", 3)),
@@ -40,5 +43,5 @@ SCENE_ARRAYS: dict[str, ArraySpec] = {
     "z_far": ArraySpec(np.float32, ("T",)),
 }
 
-# Where values may be non-finite by design.
+# Where a value may be missing, which is NaN.
 MAY_BE_NAN = frozenset({"scene/depth"})

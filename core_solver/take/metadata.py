@@ -15,7 +15,11 @@ _KNOWN = frozenset({
 
 
 def encode_meta(meta: Meta, people: tuple[Person, ...], frame_count: int) -> bytes:
-    """UTF-8 JSON of the take's `meta` key; unknown entries of a file that was read come back unchanged."""
+    """UTF-8 JSON of the take's `meta` key; unknown entries of a file that was read come back unchanged.
+
+    Raises:
+        TakeError: the settings hold something that is not JSON.
+    """
     last_frame = meta.first_frame + meta.frame_step * (frame_count - 1)
     document = {
         **meta.extra,
@@ -37,7 +41,12 @@ def encode_meta(meta: Meta, people: tuple[Person, ...], frame_count: int) -> byt
         "solver": {"preset": meta.preset, "version": meta.solver_version, "settings": meta.settings},
         "warnings": list(meta.warnings),
     }
-    return json.dumps(document, allow_nan=False, ensure_ascii=False).encode()
+    try:
+        text = json.dumps(document, allow_nan=False, ensure_ascii=False)
+    except (TypeError, ValueError) as error:
+        raise TakeError(f"the take's meta entry cannot be written as JSON ({error})") from error
+    # File names need not be Unicode: Python keeps their odd bytes as lone surrogates, which JSON can spell out.
+    return text.encode(errors="backslashreplace")
 
 
 def parse_document(raw: bytes) -> dict[str, Any]:
@@ -48,12 +57,12 @@ def parse_document(raw: bytes) -> dict[str, Any]:
     """
     try:
         document = json.loads(raw.decode())
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise TakeError("not a take: its meta entry is not readable JSON") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise TakeError("not a Scene-Aware Mocap take: write one with `scene-aware-mocap solve`")
     version = document.get("version")
-    if not isinstance(version, int) or version < 1:
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
         raise TakeError(f"take format version {version!r} is not a positive whole number: the file is damaged")
     if version > VERSION:
         raise TakeError(
@@ -91,8 +100,20 @@ def decode_meta(document: dict[str, Any]) -> Meta:
             parents=tuple(int(p) for p in document["parents"]),
             extra={key: value for key, value in document.items() if key not in _KNOWN},
         )
-    except (KeyError, TypeError, ValueError, IndexError, ZeroDivisionError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, ArithmeticError) as error:
         raise TakeError(f"the take's meta entry is damaged ({type(error).__name__}: {error})") from error
+
+
+def people_facts(document: dict[str, Any]) -> list[dict[str, Any]]:
+    """The JSON objects of the people, one for each `people/I`.
+
+    Raises:
+        TakeError: the list is missing or holds something else.
+    """
+    people = document.get("people")
+    if not isinstance(people, list) or not all(isinstance(facts, dict) for facts in people):
+        raise TakeError("the take's list of people is damaged")
+    return people
 
 
 def _decode_camera(camera: dict[str, Any]) -> CameraModel:

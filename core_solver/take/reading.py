@@ -1,7 +1,5 @@
 """Read a take, with every shape checked before anyone uses it."""
 
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +8,7 @@ from numpy.typing import NDArray
 
 from core_solver.errors import TakeError
 from core_solver.take import keys
-from core_solver.take.metadata import decode_meta, parse_document
+from core_solver.take.metadata import decode_meta, parse_document, people_facts
 from core_solver.take.model import Person, Scene, Take
 from core_solver.take.validation import check_take
 
@@ -30,31 +28,40 @@ def read_take(path: Path) -> Take:
 
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    if not path.is_file():
-        raise TakeError("no such file")
     try:
         arrays = _load_archive(path)
-    except (OSError, ValueError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
-        raise TakeError(f"not a readable .npz archive ({error}): copy or solve it again") from error
+    except TakeError:
+        raise
+    except Exception as error:  # a damaged archive raises almost anything
+        reason = str(error).partition("\n")[0] or type(error).__name__
+        raise TakeError(f"not a readable .npz archive ({reason}): copy or solve it again") from error
     if keys.META not in arrays:
         raise TakeError("not a Scene-Aware Mocap take: it has no meta entry")
     return arrays
 
 
 def _load_archive(path: Path) -> dict[str, NDArray[Any]]:
+    if not path.is_file():
+        raise TakeError("no such file")
     archive = np.load(path, allow_pickle=False)
     if not isinstance(archive, np.lib.npyio.NpzFile):
         return {}
     with archive:
-        return {key: archive[key] for key in archive.files}
+        arrays = {key: archive[key] for key in archive.files}
+    strangers = [key for key, value in arrays.items() if not isinstance(value, np.ndarray)]
+    if strangers:
+        raise TakeError(f"the entry {strangers[0]} is not an array: the file is damaged or foreign")
+    return arrays
 
 
 def _assemble(arrays: dict[str, NDArray[Any]]) -> Take:
-    document = parse_document(arrays.pop(keys.META).tobytes())
+    document = parse_document(_pop(arrays, keys.META, keys.META_ARRAY).tobytes())
     meta = decode_meta(document)
-    times = _pop(arrays, keys.TIMES)
-    people = tuple(_read_person(arrays, index, facts) for index, facts in enumerate(document.get("people", [])))
-    scene = Scene(**{field: _pop(arrays, keys.SCENE.format(field=field)) for field in keys.SCENE_ARRAYS})
+    times = _pop(arrays, keys.TIMES, keys.TIMES_ARRAY)
+    people = tuple(_read_person(arrays, index, facts) for index, facts in enumerate(people_facts(document)))
+    scene = Scene(**{
+        field: _pop(arrays, keys.SCENE.format(field=field), spec) for field, spec in keys.SCENE_ARRAYS.items()
+    })  # fmt: skip
     take = Take(meta, times, people, scene, extra=arrays)
     check_take(take)
     return take
@@ -62,10 +69,11 @@ def _assemble(arrays: dict[str, NDArray[Any]]) -> Take:
 
 def _read_person(arrays: dict[str, NDArray[Any]], index: int, facts: dict[str, Any]) -> Person:
     values: dict[str, Any] = {
-        field: _pop(arrays, keys.PERSON.format(index=index, field=field)) for field in keys.PERSON_ARRAYS
+        field: _pop(arrays, keys.PERSON.format(index=index, field=field), spec)
+        for field, spec in keys.PERSON_ARRAYS.items()
     }
+    values["scale"] = float(values["scale"])
     try:
-        values["scale"] = float(values["scale"])
         red, green, blue = (float(c) for c in facts["colour"])
         return Person(
             id=int(facts["id"]),
@@ -74,11 +82,18 @@ def _read_person(arrays: dict[str, NDArray[Any]], index: int, facts: dict[str, A
             colour=(red, green, blue),
             **values,
         )
-    except (KeyError, TypeError, ValueError) as error:
-        raise TakeError(f"the facts of person {index} are damaged ({error})") from error
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise TakeError(f"the facts of person {index} are damaged ({type(error).__name__}: {error})") from error
 
 
-def _pop(arrays: dict[str, NDArray[Any]], key: str) -> NDArray[Any]:
+def _pop(arrays: dict[str, NDArray[Any]], key: str, spec: keys.ArraySpec) -> NDArray[Any]:
+    """Take the array out, of exactly the file's type; lengths are for `check_take`."""
     if key not in arrays:
         raise TakeError(f"the entry {key} is missing: the file is damaged")
-    return arrays.pop(key)
+    array = arrays.pop(key)
+    if array.dtype != spec.dtype or array.ndim != len(spec.shape):
+        raise TakeError(
+            f"the entry {key} holds {array.dtype} of shape {array.shape} instead of "
+            f"{np.dtype(spec.dtype)} with {len(spec.shape)} axes: the file is damaged or foreign"
+        )
+    return array

@@ -7,48 +7,70 @@ from numpy.typing import NDArray
 
 from core_solver.errors import TakeError
 from core_solver.take import keys
-from core_solver.take.model import Person, Take
+from core_solver.take.model import CameraModel, Meta, Person, Take
 
 
 def check_take(take: Take) -> None:
-    """Check shapes, types, finiteness and indices.
+    """Check shapes, types, finiteness, indices and the facts in `meta`.
 
     Raises:
         TakeError: names the entry and what is wrong with it.
     """
-    if take.times.ndim != 1 or len(take.times) == 0:
+    _check_array(keys.TIMES, take.times, keys.TIMES_ARRAY, {})
+    if len(take.times) == 0:
         raise TakeError("a take needs at least one frame")
-    if not np.all(np.isfinite(take.times)) or np.any(np.diff(take.times) <= 0):
-        raise TakeError("the frame times must be finite and increasing")
-    if take.meta.frame_rate <= 0:
-        raise TakeError("the frame rate must be positive")
-    _check_skeleton(take)
-    _check_directions(take)
+    if np.any(np.diff(take.times) <= 0):
+        raise TakeError("the frame times must be increasing")
+    _check_clock(take.meta)
+    _check_skeleton(take.meta)
+    _check_directions(take.meta)
+    _check_camera(take.meta.camera)
     for index, person in enumerate(take.people):
+        _check_facts(person, index)
         _check_person(person, index, take.frame_count)
+    if len({person.id for person in take.people}) < len(take.people):
+        raise TakeError("two people have the same id")
     lengths: dict[str, int] = {"T": take.frame_count}
     for field, spec in keys.SCENE_ARRAYS.items():
         key = keys.SCENE.format(field=field)
         _check_array(key, getattr(take.scene, field), spec, lengths)
 
 
-def _check_skeleton(take: Take) -> None:
-    names, parents = take.meta.joint_names, take.meta.parents
+def _check_clock(meta: Meta) -> None:
+    if meta.frame_rate <= 0:
+        raise TakeError("the frame rate must be positive")
+    if meta.first_frame < 0 or meta.frame_step < 1:
+        raise TakeError("the first frame must not be negative, and the frame step must be positive")
+
+
+def _check_skeleton(meta: Meta) -> None:
+    names, parents = meta.joint_names, meta.parents
     if len(names) != 24 or len(parents) != 24 or len(set(names)) != 24:
         raise TakeError("a take has 24 differently named joints")
     if parents[0] != -1 or any(not 0 <= parent < joint for joint, parent in enumerate(parents) if joint):
         raise TakeError("joints must follow their parents, the pelvis first")
 
 
-def _check_directions(take: Take) -> None:
-    for name, vector in (("gravity", take.meta.gravity), ("ground normal", take.meta.ground.normal)):
+def _check_directions(meta: Meta) -> None:
+    for name, vector in (("gravity", meta.gravity), ("ground normal", meta.ground.normal)):
         if not abs(float(np.linalg.norm(vector)) - 1) < 1e-3:
             raise TakeError(f"the {name} must be a unit vector")
-    if not np.isfinite(take.meta.ground.offset) or np.dot(take.meta.gravity, take.meta.ground.normal) >= 0:
+    if not np.isfinite(meta.ground.offset) or np.dot(meta.gravity, meta.ground.normal) >= 0:
         raise TakeError("the ground's normal must point against gravity")
-    camera = take.meta.camera
+
+
+def _check_camera(camera: CameraModel) -> None:
+    if not np.all(np.isfinite((camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion))):
+        raise TakeError("the camera holds values that are not finite")
     if not (camera.fx > 0 and camera.fy > 0 and camera.width > 0 and camera.height > 0):
         raise TakeError("the camera's focal lengths and image size must be positive")
+
+
+def _check_facts(person: Person, index: int) -> None:
+    if not 0 <= person.height_m < np.inf:
+        raise TakeError(f"the height of person {index} must be a length")
+    if not all(0 <= part <= 1 for part in person.colour):
+        raise TakeError(f"the colour of person {index} must lie between 0 and 1")
 
 
 def _check_person(person: Person, index: int, frame_count: int) -> None:
@@ -73,7 +95,15 @@ def _check_array(key: str, array: NDArray[Any], spec: keys.ArraySpec, lengths: d
     ):
         raise TakeError(f"the entry {key} has shape {array.shape} instead of {wanted}")
     lengths.update({n: array.shape[i] for i, n in enumerate(spec.shape) if isinstance(n, str)})
-    if np.issubdtype(spec.dtype, np.floating) != np.issubdtype(array.dtype, np.floating):
+    if array.dtype.kind != np.dtype(spec.dtype).kind:
         raise TakeError(f"the entry {key} holds {array.dtype} instead of {np.dtype(spec.dtype)}")
-    if np.issubdtype(array.dtype, np.floating) and key not in keys.MAY_BE_NAN and not np.all(np.isfinite(array)):
+    if array.dtype.kind == "f":
+        _check_finite(key, array, spec)
+
+
+def _check_finite(key: str, array: NDArray[Any], spec: keys.ArraySpec) -> None:
+    with np.errstate(over="ignore"):  # what is too large for the file's type becomes infinite there
+        stored = array.astype(spec.dtype, copy=False)
+    bad = np.isinf(stored) if key in keys.MAY_BE_NAN else ~np.isfinite(stored)
+    if np.any(bad):
         raise TakeError(f"the entry {key} holds values that are not finite")
