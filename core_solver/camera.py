@@ -23,6 +23,9 @@ DEFAULT_FOV_DEGREES = 55.0  # along the longer side: a phone's main camera has 6
 # Centres of pixels lie at half-integers here and at integers in OpenCV's calibration tools.
 _OPENCV_PIXEL_SHIFT = 0.5
 
+# Rows and columns where a camera matrix has nothing.
+_ZEROS = ((0, 1, 2, 2), (1, 0, 0, 1))
+
 
 @dataclass(frozen=True)
 class Camera(CameraModel):
@@ -47,7 +50,7 @@ class Camera(CameraModel):
     def project(self, points: ArrayLike, *, distorted: bool = True) -> NDArray[np.float64]:
         """Project camera-frame points (..., 3) in metres to pixels (..., 2); points need z > 0."""
         points = np.asarray(points, float)
-        if not (distorted and self.is_distorted):
+        if not (distorted and self.is_distorted) or points.size == 0:
             return points[..., :2] / points[..., 2:] * (self.fx, self.fy) + (self.cx, self.cy)
         pixels, _ = cv2.projectPoints(
             points.reshape(-1, 1, 3), np.zeros(3), np.zeros(3), self.matrix, np.array(self.distortion)
@@ -110,28 +113,24 @@ def read_camera(spec: str, width: int, height: int) -> Camera:
 
     Args:
         spec: a path, or `PATH:NAME` where the file holds several cameras (QTM .qca.txt). Known files: our JSON
-            (a take's `camera` entry), OpenCV YAML or XML, a plain 3x3 text matrix, QTM calibration.
+            (a take's `camera` entry), OpenCV YAML or XML, a plain 3x3 text matrix, QTM calibration. JSON and text
+            count pixels as we do, from the corner of the picture; OpenCV and QTM from the first pixel's centre.
         width: of the video as shown, pixels.
         height: of the video as shown, pixels.
 
     Raises:
         CameraError: missing, unreadable, or made for another image size or shape.
     """
-    path, name = _split_spec(spec)
-    if not path.is_file():
-        raise CameraError(f"no camera file at {path}: check the path given with --camera")
     try:
-        camera = _reader(path)(path, name, width, height)
+        path, name = _split_spec(spec)
+        if path.is_file():
+            return _fit_to_video(_reader(path)(path, name, width, height), path, width, height)
     except CameraError:
         raise
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, ET.ParseError, cv2.error) as error:
-        raise CameraError(f"{path.name} is not a camera file this program reads ({error})") from error
-    return _fit_to_video(camera, path, width, height)
-
-
-def write_camera(path: Path, camera: Camera) -> None:
-    """Write our own camera JSON."""
-    path.write_text(json.dumps({name: getattr(camera, name) for name in CameraModel.__dataclass_fields__}, indent=2))
+    except Exception as error:  # a file that is something else raises almost anything
+        reason = str(error).partition("\n")[0] or type(error).__name__
+        raise CameraError(f"{Path(spec).name} is not a camera file this program reads ({reason})") from error
+    raise CameraError(f"no camera file at {path}: check the path given with --camera")
 
 
 def _split_spec(spec: str) -> tuple[Path, str | None]:
@@ -140,6 +139,10 @@ def _split_spec(spec: str) -> tuple[Path, str | None]:
     head, colon, tail = spec.rpartition(":")
     # A colon in second place is a Windows drive letter, not a camera name.
     return (Path(head), tail) if colon and len(head) > 1 else (Path(spec), None)
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8-sig")  # some Windows editors put a mark before the first letter
 
 
 _Reader = Callable[[Path, str | None, int, int], Camera]
@@ -157,7 +160,7 @@ def _reader(path: Path) -> _Reader:
 
 
 def _read_json(path: Path, _name: str | None, width: int, height: int) -> Camera:
-    document: dict[str, Any] = json.loads(path.read_text())
+    document: dict[str, Any] = json.loads(_text(path))
     record = document.get("camera", document)
     k1, k2, p1, p2, k3 = (float(x) for x in record.get("distortion", (0.0,) * 5))
     return Camera(
@@ -173,26 +176,17 @@ def _read_json(path: Path, _name: str | None, width: int, height: int) -> Camera
 
 
 def _read_matrix(path: Path, _name: str | None, width: int, height: int) -> Camera:
-    K = np.loadtxt(path, delimiter="," if "," in path.read_text() else None)
-    if K.shape != (3, 3):
-        raise CameraError(f"{path.name} holds {K.shape} numbers: a camera matrix is 3x3")
+    lines = (line.partition("#")[0].replace(",", " ").split() for line in _text(path).splitlines())
+    K = np.array([words for words in lines if words], float)
     return _from_matrix(K, np.zeros(5), width, height, f"file {path.name}")
 
 
 def _read_opencv(path: Path, _name: str | None, width: int, height: int) -> Camera:
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-
-    def matrix(*names: str) -> NDArray[np.float64] | None:
-        for name in names:
-            node = storage.getNode(name)
-            if not node.empty() and node.mat() is not None:
-                return node.mat()
-        return None
-
-    K = matrix("camera_matrix", "Camera_Matrix", "cameraMatrix", "K")
+    K = _opencv_matrix(storage, "camera_matrix", "Camera_Matrix", "cameraMatrix", "K")
     if K is None:
         raise CameraError(f"{path.name} has no camera_matrix: write it with OpenCV's calibration")
-    coefficients = matrix("distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "D")
+    coefficients = _opencv_matrix(storage, "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "D")
     distortion = np.zeros(5) if coefficients is None else coefficients.ravel()
     if distortion.size > 5 and np.any(distortion[5:]):
         raise CameraError(f"{path.name} uses OpenCV's rational or thin-prism lens model: calibrate with k1 k2 p1 p2 k3")
@@ -202,8 +196,18 @@ def _read_opencv(path: Path, _name: str | None, width: int, height: int) -> Came
     return _from_matrix(K, distortion, own_width, own_height, f"file {path.name}", shift=_OPENCV_PIXEL_SHIFT)
 
 
+def _opencv_matrix(storage: cv2.FileStorage, *names: str) -> NDArray[np.float64] | None:
+    """The first of the named matrices. Number by number: OpenCV's own `mat()` misreads "0" and "1" without a point."""
+    for node in map(storage.getNode, names):
+        if not node.empty():
+            rows, columns = (int(node.getNode(side).real()) for side in ("rows", "cols"))
+            data = node.getNode("data")
+            return np.array([data.at(i).real() for i in range(data.size())]).reshape(rows, columns)
+    return None
+
+
 def _read_qtm(path: Path, name: str | None, _width: int, _height: int) -> Camera:
-    text = path.read_text()
+    text = _text(path)
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise CameraError(f"{path.name} declares XML entities: that is no QTM calibration")
     cameras = {c.get("serial", ""): c for c in ET.fromstring(text).iter("camera")}  # noqa: S314 - checked above
@@ -243,8 +247,9 @@ def _read_qtm(path: Path, name: str | None, _width: int, _height: int) -> Camera
 def _from_matrix(
     K: NDArray[np.float64], distortion: NDArray[np.float64], width: int, height: int, source: str, shift: float = 0.0
 ) -> Camera:
-    if not (np.all(np.isfinite(K)) and K[0, 0] > 0 and K[1, 1] > 0 and abs(K[2, 2] - 1) < 1e-6):
-        raise CameraError("the camera matrix must read fx 0 cx / 0 fy cy / 0 0 1 with positive focal lengths")
+    # A transposed matrix, as MATLAB has it, or pixels that are not upright would pass for another camera.
+    if K.shape != (3, 3) or not np.allclose(K[_ZEROS], 0, atol=1e-3 * K[0, 0]) or K[2, 2] != 1:
+        raise CameraError("the camera matrix must read fx 0 cx / 0 fy cy / 0 0 1")
     k1, k2, p1, p2, k3 = (float(x) for x in distortion)
     return Camera(
         width, height, float(K[0, 0]), float(K[1, 1]), float(K[0, 2]) + shift, float(K[1, 2]) + shift,
@@ -254,6 +259,9 @@ def _from_matrix(
 
 def _fit_to_video(camera: Camera, path: Path, width: int, height: int) -> Camera:
     """Scale intrinsics of a larger or smaller copy of the same picture; refuse another shape."""
+    numbers = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion)
+    if not (np.all(np.isfinite(numbers)) and min(camera.fx, camera.fy, camera.width, camera.height) > 0):
+        raise CameraError(f"{path.name} holds impossible numbers: focal lengths and image size must be positive")
     across, down = width / camera.width, height / camera.height
     if abs(across / down - 1) > 0.01:
         raise CameraError(
