@@ -258,7 +258,7 @@ def demo(_: argparse.Namespace) -> int:
     clip = Path(answer([program, "models", "path", CLIP]) or "")
     camera = f"{clip.with_name('Calib.qca.txt')}:{CLIP_CAMERA}"
     with timed("solve", times):
-        run([program, "solve", clip, "-o", take, "--camera", camera])
+        run([program, "solve", clip, "-o", take, "--camera", camera, "--people", "2"])
     with timed("preview", times):
         run([program, "preview", take, clip, "-o", target])
     with timed("export", times):

@@ -48,7 +48,7 @@ class Weights:
     acceleration: float = 1.0
     acceleration_sigma: float = 4.0
     depth: float = 1.0
-    depth_sigma: float = 0.15
+    depth_sigma: float = 0.25
     contact: float = 1.0
     contact_sigma: float = 0.02
     slip: float = 1.0

@@ -20,9 +20,10 @@ Array = NDArray[np.float64]
 _GROUND_SIGMA = 0.02  # of the camera's height: how flat a floor is, and how well soles are found
 _LEVEL_DIFFERENCE_M = 0.03  # between people side by side
 _LEVEL_SLOPE = 0.03  # and for every metre between them: steps, kerbs and platforms are common
+_OTHER_FLOOR = 4.0  # deviations at which a different floor is believed
 _BALANCE_SIGMA = math.radians(6)  # one person's mean lean in the estimated pose
 _HORIZON_SIGMA = math.radians(30)  # cameras are held roughly level
-_FLOOR_SIGMA = 0.10  # log depth of a network on a floor
+_FLOOR_SIGMA = 0.20  # log depth of a network on a floor
 _LIMITS = (200.0, 8.0)  # where residuals level off, in their deviations
 
 
@@ -82,11 +83,8 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
     """
     start_up = _mean_up(problem.balance)
     frame = align_vectors([0.0, 1.0, 0.0], start_up)
-    camera_height = _camera_height(problem, start_up)
     has_depth = bool(problem.body_depth.mean_disparity.any())
     people = len(problem.heights)
-    depth_start = _depth_start(problem) if has_depth else []
-    start = np.concatenate([[0.0, 0.0, math.log(camera_height)], np.zeros(2 * people), depth_start])
     level_sigma = _level_sigma(problem.soles)
 
     def unpack(x: Array) -> ScaleGround:
@@ -102,28 +100,42 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
             _balance_residuals(problem, answer),
             np.array([math.acos(float(np.clip(-answer.up[1], -1, 1))) / _HORIZON_SIGMA]),
             np.log(answer.scales * problem.heights / weights.height_mean_m) / weights.height_sigma,
-            answer.levels / level_sigma,
+            _saturated(answer.levels / level_sigma),
         ]
         if has_depth:
             parts += [_depth_residuals(problem, answer, weights), _floor_residuals(problem, answer, weights, limit)]
         return np.concatenate(parts)
 
-    # First everybody is pulled onto one plane from however far, then what does not belong there lets go.
-    for limit in _LIMITS:
-        start = least_squares(residuals, start, args=(limit,), loss="soft_l1", x_scale="jac", max_nfev=100).x
-    return unpack(start)
+    depth_start = _depth_start(problem) if has_depth else []
+    solutions = []
+    for scales, levels, camera_height in _starts(problem, start_up, weights):
+        x = np.concatenate([[0.0, 0.0, math.log(camera_height)], np.log(scales), levels, depth_start])
+        # First everybody is pulled into place from however far, then what does not belong there lets go.
+        for limit in _LIMITS:
+            solution = least_squares(residuals, x, args=(limit,), loss="soft_l1", x_scale="jac", max_nfev=100)
+            x = solution.x
+        solutions.append(solution)
+    return unpack(min(solutions, key=lambda s: s.cost).x)
+
+
+def _starts(problem: ScaleProblem, up: Array, weights: Weights) -> list[tuple[Array, Array, float]]:
+    """Two beginnings as scales, levels and camera height: all on one floor, and each of average height on their own."""
+    people = len(problem.heights)
+    below = [
+        float(np.median(sole_depths[planted])) if (planted := trust > 0.5).any() else 1.6
+        for sole_depths, trust in zip(-(problem.soles @ up), problem.planted, strict=True)
+    ]
+    common = float(np.clip(np.median(below), 0.2, 100))
+    scales = weights.height_mean_m / problem.heights
+    own = scales * np.array(below)
+    camera_height = float(np.clip(np.median(own), 0.2, 100))
+    return [(np.ones(people), np.zeros(people), common), (scales, camera_height - own, camera_height)]
 
 
 def _mean_up(balance: Array) -> Array:
     known = balance[np.linalg.norm(balance, axis=1) > 0.5]
     up = known.sum(axis=0) if len(known) else np.array([0.0, -1.0, 0.0])
     return up / np.linalg.norm(up)
-
-
-def _camera_height(problem: ScaleProblem, up: Array) -> float:
-    below = -(problem.soles @ up)
-    planted = problem.planted > 0.5
-    return float(np.clip(np.median(below[planted]), 0.2, 100)) if planted.any() else 1.6
 
 
 def _depth_start(problem: ScaleProblem) -> list[float]:
@@ -158,6 +170,11 @@ def _level_sigma(soles: Array) -> Array:
     return _LEVEL_DIFFERENCE_M + _LEVEL_SLOPE * apart
 
 
+def _saturated(residual: Array) -> Array:
+    """Grows to `_OTHER_FLOOR` and no further: somebody on a roof may be as high as they are."""
+    return _OTHER_FLOOR * residual / np.sqrt(_OTHER_FLOOR**2 + residual**2)
+
+
 def _balance_residuals(problem: ScaleProblem, answer: ScaleGround) -> Array:
     known = np.linalg.norm(problem.balance, axis=1) > 0.5
     across = np.cross(problem.balance[known], answer.up)
@@ -165,11 +182,13 @@ def _balance_residuals(problem: ScaleProblem, answer: ScaleGround) -> Array:
 
 
 def _depth_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weights) -> Array:
+    """One residual a person, so that whoever stands before a wall the network got wrong can be doubted whole."""
     inverse = answer.inverse_far + answer.inverse_gap * problem.body_depth.mean_disparity
     difference = problem.log_depth + np.log(answer.scales)[:, None] + np.log(inverse)
     weight = problem.body_depth.weight
-    share = np.sqrt(weights.depth * weights.effective_samples * weight / np.maximum(weight.sum(1, keepdims=True), 1e-9))
-    return (share * difference / weights.depth_sigma).ravel()
+    seen = weight.sum(axis=1)
+    mean = (weight * difference).sum(axis=1) / np.maximum(seen, 1e-9)
+    return math.sqrt(weights.depth * weights.effective_samples) * mean / weights.depth_sigma
 
 
 def _floor_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weights, limit: float) -> Array:
@@ -179,5 +198,5 @@ def _floor_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weight
     slope = np.maximum(-(floor.rays @ answer.up), 1e-3)
     log_depth = np.log(answer.offset / slope)
     difference = log_depth + np.log(answer.inverse_far + answer.inverse_gap * floor.disparity)
-    share = math.sqrt(weights.depth * len(problem.heights) * weights.effective_samples / len(difference))
+    share = math.sqrt(weights.depth * weights.effective_samples / len(difference))
     return share * _bounded(difference / _FLOOR_SIGMA, limit)
