@@ -45,7 +45,8 @@ def median_depth(modalities: Modalities, inverse_far: Array, inverse_gap: Array)
 
 def _background(labels: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.bool_]:
     """Background on another grid, kept clear of people's blurred edges."""
-    people = (labels != BACKGROUND).astype(np.uint8)
+    # At full scale even the smallest share of a cell survives the averaging.
+    people = np.where(labels == BACKGROUND, 0, 255).astype(np.uint8)
     resized = cv2.resize(people, size, interpolation=cv2.INTER_AREA if people.shape[1] > size[0] else cv2.INTER_NEAREST)
     return cv2.dilate(resized, np.ones((5, 5), np.uint8)) == 0
 
