@@ -51,7 +51,7 @@ def assemble_take(
         video_name=clip.path.name,
         camera=camera.as_model(),
         gravity=_unit(gravity),
-        ground=Ground(_unit(normal), float(solution.ground.offset)),
+        ground=Ground(_unit(normal), float(solution.ground.offset / np.linalg.norm(normal))),
         body_model=body.id,
         body_licence=body.licence,
         depth_source=provenance.depth_source,
