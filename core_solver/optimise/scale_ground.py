@@ -24,6 +24,7 @@ _OTHER_FLOOR = 4.0  # deviations at which a different floor is believed
 _BALANCE_SIGMA = math.radians(6)  # one person's mean lean in the estimated pose
 _HORIZON_SIGMA = math.radians(30)  # cameras are held roughly level
 _FLOOR_SIGMA = 0.20  # log depth of a network on a floor
+_LOG_INVERSE_DEPTHS = (-math.log(1000.0), -math.log(0.05))  # a network's far end may be beyond all measure
 _LIMITS = (200.0, 8.0)  # where residuals level off, in their deviations
 
 
@@ -90,7 +91,7 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
     def unpack(x: Array) -> ScaleGround:
         up = frame @ matrix_from_rotvec([x[0], 0.0, x[1]]) @ [0.0, 1.0, 0.0]
         scales, levels, depth_range = np.split(x[3:], [people, 2 * people])
-        far, gap = np.exp(depth_range) if has_depth else (0.01, 0.5)
+        far, gap = np.exp(np.clip(depth_range, *_LOG_INVERSE_DEPTHS)) if has_depth else (0.01, 0.5)
         return ScaleGround(np.exp(scales), up, math.exp(x[2]), levels, float(far), float(gap))
 
     def residuals(x: Array, limit: float) -> Array:

@@ -87,10 +87,9 @@ def make_clip(
     rng = np.random.default_rng(seed)
     camera = camera or camera_from_fov(960, 720, 60, "truth")
     up = matrix_from_rotvec([tilt, 0, 0.05]) @ np.array([0.0, -1.0, 0.0])
-    right = np.cross(np.array([0, 0, 1.0]), up) * -1
+    right = np.cross([0, 0, 1.0], up)
     right /= np.linalg.norm(right)
-    away = np.cross(right, up) * -1
-    away *= np.sign(away[2])
+    away = np.cross(up, right)
     times = np.arange(frames) / rate
     rest = body.rest_joints(body.neutral_betas)
     people, tracks = [], []

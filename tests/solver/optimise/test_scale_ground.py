@@ -69,12 +69,22 @@ def test_adults_on_one_ground_get_their_sizes_and_the_ground_its_tilt(with_depth
     assert answer.offset == pytest.approx(CAMERA_HEIGHT, rel=0.05)
 
 
-@pytest.mark.parametrize("with_depth", [True, False])
-def test_a_child_beside_an_adult_is_no_far_adult(with_depth):
-    answer = solve(problem_of([(1.0, -1.0, 5.0), (0.7, 1.0, 6.0)], with_depth=with_depth))
-    assert answer.scales[1] / answer.scales[0] == pytest.approx(0.7, rel=0.12)
+@pytest.mark.parametrize(("scale", "with_depth"), [(0.7, True), (0.8, False)])
+def test_a_child_beside_an_adult_is_no_far_adult(scale, with_depth):
+    answer = solve(problem_of([(1.0, -1.0, 5.0), (scale, 1.0, 6.0)], with_depth=with_depth))
+    assert answer.scales[1] / answer.scales[0] == pytest.approx(scale, rel=0.12)
     assert degrees_between(answer.up, tilted_up()) < 3
     assert answer.offset == pytest.approx(CAMERA_HEIGHT, rel=0.15)
+
+
+def test_a_far_end_beyond_all_measure_stays_a_number():
+    """Disparity that is all but proportional to inverse depth says nothing of the far end: it must not run away."""
+    problem = problem_of([(1.0, -1.0, 5.0), (1.0, 1.0, 6.0)])
+    depth = np.exp(problem.log_depth)
+    proportional = replace(problem.body_depth, mean_disparity=0.9 / depth - 0.02)
+    answer = solve(replace(problem, body_depth=proportional))
+    assert 1 / answer.inverse_far < 1e4
+    assert np.isfinite(np.log([answer.inverse_far, answer.inverse_gap])).all()
 
 
 @pytest.mark.parametrize("tilt", [-10.0, 0.0, 35.0])
