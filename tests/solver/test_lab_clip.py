@@ -73,7 +73,8 @@ def test_statures_and_places_of_two_people(shared_data: Path, models, tmp_path: 
     true_distance = np.linalg.norm(truth.roots[0] - truth.roots[1], axis=-1).mean()
     lean = np.degrees(np.arccos(np.dot(take.meta.gravity, truth.gravity)))
     print(
-        f"\n{depth:8s} heights {heights[0] - 1:+.1%} {heights[1] - 1:+.1%}  distance {distance / true_distance - 1:+.1%}"
+        f"\n{depth:8s} heights {heights[0] - 1:+.1%} {heights[1] - 1:+.1%}"
+        f"  distance {distance / true_distance - 1:+.1%}"
         f"  root error {errors[0]:.2f} {errors[1]:.2f} m  gravity {lean:.1f} degrees"
     )
     assert np.abs(heights - 1).max() < 0.12
