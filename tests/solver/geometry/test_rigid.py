@@ -57,6 +57,11 @@ def test_a_mirrored_cloud_is_never_met_by_a_reflection(seed: int, with_scale: bo
         turned = Similarity(matrix_from_rotvec(step) @ fit.rotation, fit.translation, fit.scale)
         middle = target.mean(axis=0) - turned.apply(source).mean(axis=0)
         assert np.sum((turned.apply(source) + middle - target) ** 2) >= best - 1e-12
+    # Nor does any scale.
+    for factor in (0.999, 1.001) if with_scale else ():
+        sized = Similarity(fit.rotation, np.zeros(3), factor * fit.scale)
+        middle = target.mean(axis=0) - sized.apply(source).mean(axis=0)
+        assert np.sum((sized.apply(source) + middle - target) ** 2) >= best - 1e-12
 
 
 @given(SEEDS, ROTVECS)

@@ -106,20 +106,39 @@ def test_a_damaged_directory_of_the_archive_is_refused_or_changes_nothing(
     assert_refused_or_unchanged(tmp_path, bytes(spoiled))
 
 
-@FUZZ
-@given(st.binary(max_size=60), st.sampled_from(["times", "people/1/theta"]))
-def test_a_member_with_any_header_is_refused(arrays: Arrays, tmp_path: Path, header: bytes, key: str) -> None:
-    """Archives whose checksums are right but whose arrays are not."""
-    content = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
-    with zipfile.ZipFile(tmp_path / "bad.npz", "w") as archive:
+def write_with_header(path: Path, arrays: Arrays, key: str, header: bytes) -> None:
+    """An archive whose checksums are right but one of whose arrays is not."""
+    with zipfile.ZipFile(path, "w") as archive:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w") as member:
                 if name == key:
-                    member.write(content)
+                    member.write(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
                 else:
                     np.lib.format.write_array(member, array)
+
+
+@FUZZ
+@given(st.binary(max_size=60), st.sampled_from(["times", "people/1/theta"]))
+def test_a_member_with_any_header_is_refused(arrays: Arrays, tmp_path: Path, header: bytes, key: str) -> None:
+    write_with_header(tmp_path / "bad.npz", arrays, key, header)
     with pytest.raises(TakeError, match="archive"):
         read_take(tmp_path / "bad.npz")
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        b" " * 12_000,
+        b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000000,), }",
+        b"{'descr': '<f8', 'fortran_order': False, 'shape': (-1,), }",
+        b"{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999999999999999,), }",
+    ],
+)
+def test_a_header_that_asks_for_too_much_is_refused_in_one_line(arrays: Arrays, tmp_path: Path, header: bytes) -> None:
+    write_with_header(tmp_path / "bad.npz", arrays, "times", header)
+    _, refusal = attempt(lambda: read_take(tmp_path / "bad.npz"))
+    assert "archive" in refusal
+    assert "\n" not in refusal
 
 
 @pytest.mark.parametrize(
@@ -315,6 +334,14 @@ def test_damaged_facts_are_refused(arrays: Arrays, tmp_path: Path, path: list[An
     place[path[-1]] = value
     set_document(arrays, document)
     with pytest.raises(TakeError, match=reason):
+        read_arrays(tmp_path, arrays)
+
+
+def test_ground_that_faces_down_is_refused(arrays: Arrays, tmp_path: Path) -> None:
+    document = document_of(arrays)
+    document["ground"]["normal"] = document["gravity"]
+    set_document(arrays, document)
+    with pytest.raises(TakeError, match="against gravity"):
         read_arrays(tmp_path, arrays)
 
 
