@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -117,6 +117,7 @@ def test_every_function_takes_any_number_of_leading_axes() -> None:
 def test_align_vectors_turns_one_direction_into_the_other_by_the_smallest_turn(
     a: np.ndarray, b: np.ndarray, length_a: float, length_b: float
 ) -> None:
+    assume(np.linalg.norm(a + b) > 1e-3)  # the nearly opposite ones have tests of their own
     matrix = align_vectors(length_a * a, length_b * b)
     assert_rotation(matrix)
     np.testing.assert_allclose(matrix @ a, b, atol=1e-12)
