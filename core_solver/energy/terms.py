@@ -111,6 +111,20 @@ def contact(sole_heights: Tensor, probability: Tensor, reach: Tensor, sigma: flo
     return (probability * near * charbonnier((sole_heights / sigma) ** 2)).sum()
 
 
+def penetration(sole_heights: Tensor, weight: Tensor, sigma: Tensor) -> Tensor:
+    """No sole lies below the ground, whether it is in contact or not; beyond the paper.
+
+    The pull fades far below, where the ground itself must be in doubt.
+
+    Args:
+        sole_heights: (N, T, 2) metres of each foot's lowest point above its support.
+        weight: (N, T) evidence of the person in the frame.
+        sigma: (N, T) metres within which the ground is trusted.
+    """
+    below = sole_heights.clamp_max(0) / sigma[..., None]
+    return (weight[..., None] * geman_mcclure(below**2)).sum()
+
+
 def slip(soles: Tensor, probability: Tensor, seconds: Tensor, sigma: float) -> Tensor:
     """Soles rest between consecutive frames while in contact in both (paper E_slip).
 

@@ -27,6 +27,7 @@ class Weights:
         depth_sigma: deviation of log depth of the network.
         contact: soles on the ground while they are in contact.
         contact_sigma: metres.
+        penetration: no sole below the ground.
         slip: soles rest while they are in contact.
         slip_sigma: metres a second.
         temporal: vertices move as their filtered selves.
@@ -51,6 +52,7 @@ class Weights:
     depth_sigma: float = 0.25
     contact: float = 1.0
     contact_sigma: float = 0.02
+    penetration: float = 4.0
     slip: float = 1.0
     slip_sigma: float = 0.1
     temporal: float = 1.0

@@ -31,7 +31,7 @@ STAGE_ONE_ITERATIONS = 60
 STAGE_TWO_ITERATIONS = 200
 
 _DEPTH_RANGE_SIGMA = 0.05  # a frame's log z_near and z_far about the clip's: networks jitter that much
-_CONTACT_REACH = 0.03  # of the distance: how well a far person's height above the ground is known
+_CONTACT_REACH = 0.03  # of the distance
 _FILLED_TRUST = 0.3  # theta^ of a frame without evidence keeps the motion plausible
 
 
@@ -114,6 +114,7 @@ class JointEnergy:
         self._pixels, self._confidence = self._tensor(evidence.pixels), self._tensor(evidence.confidence)
         self._size, self._seconds = self._tensor(evidence.size), self._tensor(evidence.seconds)
         self._theta_hat, self._betas_hat = self._tensor(fit.theta), self._tensor(fit.betas)
+        self._valid = self._tensor(evidence.valid)
         self._theta_trust = self._tensor(np.where(evidence.valid, 1.0, _FILLED_TRUST))
         self._log_heights = self._tensor(np.log(heights))
         self._up = self._tensor(ground.up)
@@ -203,10 +204,12 @@ class JointEnergy:
     def _contact_term(self, points: Points) -> Tensor:
         if self._contacts is None:
             return points.proxy.sum() * 0
-        heights = self.sole_heights(points.proxy)
-        distance = points.joints[:, :, 0, 2].detach()
-        reach = (_CONTACT_REACH * distance).clamp_min(terms.CONTACT_RANGE_M)
-        return self._weights.contact * terms.contact(heights, self._contacts, reach, self._weights.contact_sigma)
+        w, heights = self._weights, self.sole_heights(points.proxy)
+        # How well a far person's height above the ground is known grows with the distance.
+        reach = (_CONTACT_REACH * points.joints[:, :, 0, 2].detach()).clamp_min(terms.CONTACT_RANGE_M)
+        return w.contact * terms.contact(
+            heights, self._contacts, reach, w.contact_sigma
+        ) + w.penetration * terms.penetration(heights, self._valid, reach)
 
     def _slip_term(self, proxy: Tensor) -> Tensor:
         if self._contacts is None or not len(self._seconds):
