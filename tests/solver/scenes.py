@@ -24,6 +24,7 @@ class Walker:
         heading: radians about the vertical; at 0 the person comes towards the camera.
         level: metres by which the place to walk on lies above the floor.
         is_still: stands instead of walking.
+        on_one_leg: holds the left knee up.
     """
 
     scale: float
@@ -31,6 +32,7 @@ class Walker:
     heading: float
     level: float = 0.0
     is_still: bool = False
+    on_one_leg: bool = False
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ def walking_pose(phase: np.ndarray, heading: float, up: np.ndarray) -> np.ndarra
     for side, sign in (("left", 1), ("right", -1)):
         theta[:, joint_index(f"{side}_hip"), 0] = -sign * swing
         # A leg bends while it swings forwards and is straight while it carries: the body passes over a resting foot.
-        theta[:, joint_index(f"{side}_knee"), 0] = 0.7 * np.maximum(sign * np.cos(phase), 0) ** 2 + 0.05
+        theta[:, joint_index(f"{side}_knee"), 0] = 1.0 * np.maximum(sign * np.cos(phase), 0) ** 2 + 0.05
         theta[:, joint_index(f"{side}_shoulder"), 2] = -sign * 1.2
         theta[:, joint_index(f"{side}_elbow"), 1] = -sign * 0.4
     root = align_vectors([0.0, 1.0, 0.0], up) @ matrix_from_rotvec([0.0, heading, 0.0])
@@ -100,6 +102,8 @@ def make_clip(
     for index, walker in enumerate(walkers):
         phase = 0.0 * times if walker.is_still else 2 * np.pi * 0.9 * times + index
         theta = walking_pose(phase, walker.heading, up)
+        if walker.on_one_leg:
+            theta[:, joint_index("left_hip"), 0], theta[:, joint_index("left_knee"), 0] = -1.2, 1.4
         rotations, positions = kinematics.pose_joints(theta, rest)
         vertices = kinematics.skin(body.rest_vertices(body.neutral_betas), body.weights, rotations, positions, rest)
         metric = walker.scale * vertices

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import least_squares
 
 from core_solver.optimise.placement import place
 
@@ -51,6 +52,23 @@ def test_noise_of_a_pixel_stays_a_small_error(distance):
     assert good.all()
     assert abs(found[:, 2].mean() / distance - 1) < 0.005
     assert found[:, 2].std() / distance < 0.02
+
+
+def test_the_place_is_the_one_whose_picture_fits_best():
+    """Hands held out towards the camera have less than half the body's depth: their pixels count like the others'."""
+    errors = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        points, truth = body_points(rng), np.array([0.2, 0.1, 1.5])
+        points[:8, 2] -= 0.9
+        rays = rays_to(points + truth) + rng.normal(size=(25, 2)) * 0.01
+
+        def misfit(translation, points=points, rays=rays):
+            return (rays_to(points + translation) - rays).ravel()
+
+        best = least_squares(misfit, truth).x
+        errors.append(np.linalg.norm(place(points, rays, np.ones(25))[0] - best))
+    assert np.mean(errors) < 0.001
 
 
 def test_a_body_behind_the_camera_is_flagged():

@@ -145,6 +145,13 @@ def test_somebody_who_stands_still_stands_still(body):
     assert (solution.contacts > 0.5).mean() > 0.9
 
 
+def test_a_raised_foot_is_not_in_contact_however_still_it_is(quick, body):
+    clip = make_clip(body, [Walker(1.0, (0, 5), 0.5, is_still=True, on_one_leg=True)], frames=10)
+    contacts = run(clip.modalities, clip, body).contacts[0]
+    assert contacts[:, 0].max() < 0.1
+    assert contacts[:, 1].min() > 0.8
+
+
 def test_one_person_alone_is_of_average_height(body):
     clip = make_clip(body, [Walker(0.8, (0, 5), 0.5)], frames=12)
     solution = run(clip.modalities, clip, body)
