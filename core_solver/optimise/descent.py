@@ -43,5 +43,5 @@ def descend(
         value = float(total.detach())
         advance(1)
     for tensor, _ in variables:
-        tensor.requires_grad_(requires_grad=False)
+        tensor.requires_grad_(False)
     return value

@@ -129,7 +129,7 @@ class _Problem:
         self._size, self._seconds = tensor(evidence.size), tensor(evidence.seconds)
         landmarks = evidence.landmarks - evidence.landmarks.mean(axis=2, keepdims=True)
         self._landmarks = tensor(landmarks)
-        trust = np.array([_LANDMARK_TRUST.get(name, 1.0) for name in KEYPOINT_NAMES])
+        trust: Array = np.array([_LANDMARK_TRUST.get(name, 1.0) for name in KEYPOINT_NAMES])
         seen = np.where(evidence.valid[..., None], 0.3 + 0.7 * evidence.confidence, _FILLED_TRUST)
         self._trust = tensor(trust * seen)
         lower, upper = joint_limits()

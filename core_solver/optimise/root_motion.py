@@ -38,6 +38,7 @@ def _smooth_logs(logs: Array, known: NDArray[np.bool_], times: Array, distance: 
     rows = _second_differences(times) * (distance / ROOT_ACCELERATION)
     penalty = _banded_gram(rows, len(logs))
     weights = known / _LOG_DEPTH_SIGMA**2
+    smooth = logs
     for _ in range(_PASSES):
         system = penalty.copy()
         system[-1] += weights + 1e-9

@@ -108,15 +108,16 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
         return np.concatenate(parts)
 
     depth_start = _depth_start(problem) if has_depth else []
-    solutions = []
+    solutions: list[tuple[float, Array]] = []
     for scales, levels, camera_height in _starts(problem, start_up, weights):
         x = np.concatenate([[0.0, 0.0, math.log(camera_height)], np.log(scales), levels, depth_start])
+        cost = math.inf
         # First everybody is pulled into place from however far, then what does not belong there lets go.
         for limit in _LIMITS:
             solution = least_squares(residuals, x, args=(limit,), loss="soft_l1", x_scale="jac", max_nfev=100)
-            x = solution.x
-        solutions.append(solution)
-    return unpack(min(solutions, key=lambda s: s.cost).x)
+            cost, x = float(solution.cost), solution.x
+        solutions.append((cost, x))
+    return unpack(min(solutions, key=lambda s: s[0])[1])
 
 
 def _starts(problem: ScaleProblem, up: Array, weights: Weights) -> list[tuple[Array, Array, float]]:

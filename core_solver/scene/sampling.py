@@ -108,19 +108,23 @@ def sample_floor(
         camera: intrinsics.
         most: samples at most, spread evenly.
     """
+    disparity = modalities.disparity
+    nothing = FloorSamples(np.zeros((0, 3)), np.zeros(0), np.zeros(0, int))
+    if disparity is None:
+        return nothing
     chosen = np.argwhere(planted > 0.5)
     chosen = chosen[:: max(1, len(chosen) * 4 // most)]
     pixels, values, frames = [], [], []
-    for n, t, side in chosen if modalities.disparity is not None else ():
+    for n, t, side in chosen:
         # To both sides of the foot and below it: a tenth of the person's size away lies floor, not leg.
         steps = size[n, t] * np.array([(-0.12, 0.0), (0.12, 0.0), (-0.08, 0.06), (0.08, 0.06)])
         around = feet[n, t, side] + steps
         bare = sample_grid(modalities.labels[t], around, camera, outside=255) == BACKGROUND
         pixels.append(around[bare])
-        values.append(sample_grid(modalities.disparity[t], around[bare], camera, outside=0))
+        values.append(sample_grid(disparity[t], around[bare], camera, outside=0))
         frames.append(np.full(bare.sum(), t))
     if not pixels:
-        return FloorSamples(np.zeros((0, 3)), np.zeros(0), np.zeros(0, int))
+        return nothing
     return FloorSamples(
         camera.rays(np.concatenate(pixels)), np.concatenate(values).astype(float), np.concatenate(frames)
     )

@@ -13,7 +13,7 @@ def test_a_person_who_stands_keeps_the_depth():
 
 
 def test_a_walk_into_the_depth_keeps_its_speed():
-    walk = 5 * np.exp(0.2 * TIMES)  # straight in log depth, where the smoother works
+    walk = 5.0 * np.exp(0.2 * TIMES)  # straight in log depth, where the smoother works
     np.testing.assert_allclose(smooth_depths(walk, EVERYWHERE, TIMES), walk, rtol=1e-4)
 
 
