@@ -55,7 +55,7 @@ class Camera(CameraModel):
         pixels, _ = cv2.projectPoints(
             points.reshape(-1, 1, 3), np.zeros(3), np.zeros(3), self.matrix, np.array(self.distortion)
         )
-        return pixels.reshape(*points.shape[:-1], 2)
+        return np.asarray(pixels, np.float64).reshape(*points.shape[:-1], 2)
 
     def undistort(self, pixels: ArrayLike) -> NDArray[np.float64]:
         """Pixels (..., 2) of the footage to the pixels of an ideal pinhole with the same K."""

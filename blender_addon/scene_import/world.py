@@ -48,4 +48,4 @@ def rest_from_body(points: ArrayLike, scale: float) -> Array:
 
 def frame_numbers(frame_count: int) -> Array:
     """(T,) scene frames of a take's frames."""
-    return np.arange(frame_count, dtype=float) + FIRST_FRAME
+    return np.arange(frame_count, dtype=np.float64) + float(FIRST_FRAME)

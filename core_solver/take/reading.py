@@ -44,7 +44,7 @@ def _load_archive(path: Path) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         raise TakeError("no such file")
     archive = np.load(path, allow_pickle=False)
-    if not isinstance(archive, np.lib.npyio.NpzFile):
+    if isinstance(archive, np.ndarray):
         return {}
     with archive:
         arrays = {key: archive[key] for key in archive.files}
