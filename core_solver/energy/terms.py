@@ -47,15 +47,17 @@ def shape(betas: Tensor, betas_hat: Tensor) -> Tensor:
     return charbonnier((betas - betas_hat) ** 2).sum()
 
 
-def height(log_heights: Tensor, log_mean: float, sigma: float) -> Tensor:
-    """Prior on statures: the paper's E_scale as a log-normal, so that 1.4 m and 2.0 m cost alike.
+def height(log_heights: Tensor, log_mean: float, sigma_above: float, sigma_below: float) -> Tensor:
+    """Prior on statures: the paper's E_scale as a log-normal of two halves, since children exist and giants do not.
 
     Args:
         log_heights: (N,) log metres.
         log_mean: log metres.
-        sigma: deviation of log stature.
+        sigma_above: deviation of log stature above the mean.
+        sigma_below: and below it.
     """
-    return charbonnier(((log_heights - log_mean) / sigma) ** 2).sum()
+    residual = log_heights - log_mean
+    return charbonnier((residual.clamp_min(0) / sigma_above + residual.clamp_max(0) / sigma_below) ** 2).sum()
 
 
 def speed(translations: Tensor, seconds: Tensor, sigma: float) -> Tensor:

@@ -17,12 +17,13 @@ class Weights:
         theta_sigma: radians.
         betas: shape stays near betas^.
         height: prior on stature.
-        height_sigma: deviation of log stature about `height_mean_m`.
+        height_sigma: deviation of log stature above `height_mean_m`.
+        height_sigma_below: and below it: children are common, giants are not.
         height_mean_m: metres; the world's adults, men 1.71 and women 1.59 (NCD Risk Factor Collaboration 2016).
         speed: root motion between frames.
         speed_sigma: body heights a second.
         acceleration: root acceleration.
-        acceleration_sigma: metres a second squared.
+        acceleration_sigma: metres of an average body a second squared.
         depth: body depth against the depth map.
         depth_sigma: deviation of log depth of the network.
         contact: soles on the ground while they are in contact.
@@ -43,6 +44,7 @@ class Weights:
     betas: float = 0.1
     height: float = 1.0
     height_sigma: float = 0.07
+    height_sigma_below: float = 0.12
     height_mean_m: float = 1.65
     speed: float = 0.02
     speed_sigma: float = 1.0

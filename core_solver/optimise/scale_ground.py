@@ -100,7 +100,7 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
             _ground_residuals(problem, answer, weights, limit),
             _balance_residuals(problem, answer),
             np.array([math.acos(float(np.clip(-answer.up[1], -1, 1))) / _HORIZON_SIGMA]),
-            np.log(answer.scales * problem.heights / weights.height_mean_m) / weights.height_sigma,
+            _height_residuals(problem, answer, weights),
             _saturated(answer.levels / level_sigma),
         ]
         if has_depth:
@@ -136,8 +136,9 @@ def _starts(problem: ScaleProblem, up: Array, weights: Weights) -> list[tuple[Ar
 
 def _mean_up(balance: Array) -> Array:
     known = balance[np.linalg.norm(balance, axis=1) > 0.5]
-    up = known.sum(axis=0) if len(known) else np.array([0.0, -1.0, 0.0])
-    return up / np.linalg.norm(up)
+    total = known.sum(axis=0)
+    length = float(np.linalg.norm(total))
+    return total / length if length > 1e-6 else np.array([0.0, -1.0, 0.0])
 
 
 def _depth_start(problem: ScaleProblem) -> list[float]:
@@ -170,6 +171,11 @@ def _level_sigma(soles: Array) -> Array:
     places = np.median(soles.mean(axis=2), axis=1)
     apart = np.linalg.norm(places - np.median(places, axis=0), axis=-1)
     return _LEVEL_DIFFERENCE_M + _LEVEL_SLOPE * apart
+
+
+def _height_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weights) -> Array:
+    residual = np.log(answer.scales * problem.heights / weights.height_mean_m)
+    return residual / np.where(residual > 0, weights.height_sigma, weights.height_sigma_below)
 
 
 def _saturated(residual: Array) -> Array:

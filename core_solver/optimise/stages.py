@@ -174,7 +174,9 @@ class JointEnergy:
 
     def _scale_terms(self, v: Variables, points: Points) -> Tensor:
         w = self._weights
-        energy = w.height * terms.height(self._log_heights + v.log_scale, math.log(w.height_mean_m), w.height_sigma)
+        energy = w.height * terms.height(
+            self._log_heights + v.log_scale, math.log(w.height_mean_m), w.height_sigma, w.height_sigma_below
+        )
         energy = energy + w.betas * terms.shape(v.betas, self._betas_hat) * v.theta.shape[1]
         if len(self._seconds):
             energy = energy + w.speed * terms.speed(v.translation, self._seconds, w.speed_sigma)

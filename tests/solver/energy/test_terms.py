@@ -49,7 +49,7 @@ TERMS = {
     "joints": (lambda x: terms.joints(x, JOINTS_AT, CONFIDENCE, SIZES, 0.02), JOINTS_AT),
     "smpl": (lambda x: terms.smpl(x, THETA_HAT, WEIGHT, 0.15), THETA_HAT),
     "shape": (lambda x: terms.shape(x, BETAS_HAT), BETAS_HAT),
-    "height": (lambda x: terms.height(x, LOG_MEAN, 0.07), torch.full((PEOPLE,), LOG_MEAN, dtype=torch.float64)),
+    "height": (lambda x: terms.height(x, LOG_MEAN, 0.07, 0.12), torch.full((PEOPLE,), LOG_MEAN, dtype=torch.float64)),
     "speed": (lambda x: terms.speed(x, uneven_seconds(), 1.0), normal(PEOPLE, 1, 3).expand(-1, FRAMES, -1)),
     "acceleration": (
         lambda x: terms.acceleration(x, uneven_seconds(), 4.0),
@@ -132,16 +132,15 @@ def test_shape_by_hand():
 
 
 @given(st.floats(1.01, 3))
-def test_height_is_as_strict_with_the_small_as_with_the_tall(factor):
-    tall = terms.height(torch.tensor([math.log(1.65 * factor)], dtype=torch.float64), LOG_MEAN, 0.07)
-    small = terms.height(torch.tensor([math.log(1.65 / factor)], dtype=torch.float64), LOG_MEAN, 0.07)
-    assert tall.item() == pytest.approx(small.item(), rel=1e-6)
-    assert tall.item() > 0
+def test_a_child_is_believed_sooner_than_a_giant(factor):
+    tall = terms.height(torch.tensor([math.log(1.65 * factor)], dtype=torch.float64), LOG_MEAN, 0.07, 0.12)
+    small = terms.height(torch.tensor([math.log(1.65 / factor)], dtype=torch.float64), LOG_MEAN, 0.07, 0.12)
+    assert tall.item() > small.item() > 0
 
 
 def test_height_by_hand():
-    log_heights = torch.tensor([LOG_MEAN + 0.07], dtype=torch.float64)
-    assert terms.height(log_heights, LOG_MEAN, 0.07).item() == pytest.approx(ONE_DEVIATION)
+    log_heights = torch.tensor([LOG_MEAN + 0.07, LOG_MEAN - 0.12], dtype=torch.float64)
+    assert terms.height(log_heights, LOG_MEAN, 0.07, 0.12).item() == pytest.approx(2 * ONE_DEVIATION)
 
 
 def test_speed_by_hand_uses_the_time_between_frames():

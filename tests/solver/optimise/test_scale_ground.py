@@ -69,7 +69,7 @@ def test_adults_on_one_ground_get_their_sizes_and_the_ground_its_tilt(with_depth
     assert answer.offset == pytest.approx(CAMERA_HEIGHT, rel=0.05)
 
 
-@pytest.mark.parametrize(("scale", "with_depth"), [(0.7, True), (0.8, False)])
+@pytest.mark.parametrize(("scale", "with_depth"), [(0.7, True), (0.7, False), (0.8, False)])
 def test_a_child_beside_an_adult_is_no_far_adult(scale, with_depth):
     answer = solve(problem_of([(1.0, -1.0, 5.0), (scale, 1.0, 6.0)], with_depth=with_depth))
     assert answer.scales[1] / answer.scales[0] == pytest.approx(scale, rel=0.12)

@@ -83,7 +83,11 @@ def test_scale_moves_people_along_their_rays_and_leaves_the_picture(problem):
     # Only the prior on stature is left to object.
     weights = Weights()
     heights = np.log([1.70 * s for s in problem.clip.scales]) - math.log(weights.height_mean_m)
-    cost = [np.sum(2 * (np.sqrt(1 + ((heights + d) / weights.height_sigma) ** 2) - 1)) for d in (0, 0.1)]
+    cost = []
+    for growth in (0, 0.1):
+        residual = heights + growth
+        residual /= np.where(residual > 0, weights.height_sigma, weights.height_sigma_below)
+        cost.append(np.sum(2 * (np.sqrt(1 + residual**2) - 1)))
     assert (problem.energy.stage_one(taller) - before).item() == pytest.approx(cost[1] - cost[0], rel=1e-6)
 
 
@@ -149,7 +153,7 @@ def test_near_is_always_nearer_than_far(problem):
 
 
 def test_a_weight_of_zero_switches_a_term_off(clip, body):
-    scales_of_terms = ("_sigma", "_mean_m", "_samples")
+    scales_of_terms = ("_sigma", "_sigma_below", "_mean_m", "_samples")
     nothing = {f.name: 0.0 for f in fields(Weights) if not f.name.endswith(scales_of_terms)}
     problem = Problem(clip, body, Weights(**nothing))
     problem.energy.set_contacts(np.ones((2, 8, 2)))
