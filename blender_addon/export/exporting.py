@@ -10,6 +10,7 @@ import bpy
 from core_solver.errors import UserError
 
 from .glb_clock import stretch_clock
+from .showing import shown
 
 Writer = Callable[[bpy.types.Context, Path], None]
 
@@ -22,6 +23,9 @@ def export_objects(context: bpy.types.Context, objects: Sequence[bpy.types.Objec
     """Write objects with their motion; the file's ending, .glb or .fbx, chooses the format.
 
     An old file at `path` is replaced only when the new one is complete. The scene's selection changes.
+    Hidden objects are written too. Neither format can hide somebody for a while: people who have not come yet or have
+    left stand still where they were first or last seen, and the armatures' custom properties, in a GLB the nodes'
+    extras, say when they are there.
 
     Args:
         context: in object mode.
@@ -32,10 +36,11 @@ def export_objects(context: bpy.types.Context, objects: Sequence[bpy.types.Objec
         ExportError: another ending, a missing exporter, or the disk refuses the file.
     """
     write = writer_of(path)
-    _select(context, objects)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
+        with shown(context, objects), tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
+            # Exporters of selected objects pass over hidden ones.
+            _select(context, objects)
             part = Path(folder) / path.name
             write(context, part)
             part.replace(path)

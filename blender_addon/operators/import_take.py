@@ -27,10 +27,16 @@ class ImportTake(bpy.types.Operator, ImportHelper):
     body: bpy.props.BoolProperty(name="Bodies", description="Each person's skinned mesh", default=True)
     camera: bpy.props.BoolProperty(
         name="Camera and Footage",
-        description="The camera that matches the video, with the video behind",
+        description="The camera that matches the video, with the video behind; becomes the scene's camera",
         default=True,
     )
     cloud: bpy.props.BoolProperty(name="Scene Points", description="The static scene as coloured points", default=True)
+    hide_absent: bpy.props.BoolProperty(
+        name="Hide When Away",
+        description="Hide people before they are first seen and after they are last seen. GLB and FBX hide nobody: "
+        "there such a person stands still, and present_from_s and present_until_s tell a game when to show them",
+        default=True,
+    )
     footage: bpy.props.StringProperty(
         name="Footage",
         description="The video or the folder it is in; empty to look beside the take",
@@ -44,7 +50,13 @@ class ImportTake(bpy.types.Operator, ImportHelper):
         except UserError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        options = ImportOptions(cloud=self.cloud, camera=self.camera, body=self.body, footage=self.footage)
+        options = ImportOptions(
+            cloud=self.cloud,
+            camera=self.camera,
+            body=self.body,
+            footage=self.footage,
+            hide_absent=self.hide_absent,
+        )
         imported = import_take(context, take, path, options)
         for note in imported.notes:
             self.report({"WARNING"}, note)

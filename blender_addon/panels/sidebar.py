@@ -4,6 +4,7 @@
 import bpy
 
 from ..operators.import_take import ImportTake
+from ..scene_import.armature import PRESENT_FROM, PRESENT_UNTIL
 
 
 class MocapPanel(bpy.types.Panel):
@@ -22,3 +23,4 @@ class MocapPanel(bpy.types.Panel):
         box.label(text=person.name, icon="ARMATURE_DATA")
         box.label(text=f"Height {person['height_m']:.2f} m")
         box.label(text=f"Body {person['body_model']}")
+        box.label(text=f"There from {person[PRESENT_FROM]:.2f} s to {person[PRESENT_UNTIL]:.2f} s")

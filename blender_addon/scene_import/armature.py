@@ -12,11 +12,16 @@ from core_solver.take import Meta, Person
 
 from .actions import Curves, write_action
 from .motion import PoseChannels, pose_channels
+from .presence import PRESENT, presence
 from .rest_pose import RestPose
-from .world import frame_numbers
+from .world import FIRST_FRAME, frame_numbers
 
 EVIDENCE = "visible_evidence"
 """Custom property of the armature object: 1 where the person was seen, 0 where the motion was filled in."""
+
+PRESENT_FROM, PRESENT_UNTIL = "present_from_s", "present_until_s"
+"""Custom properties of the armature object: when the person is there, in seconds from the scene's frame 0, which are
+those of an exported animation. A game engine can hide the body at other times: GLB and FBX cannot."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +63,8 @@ def build_rig(
     obj["height_m"] = person.height_m
     obj["body_model"] = meta.body_model
     obj["body_licence"] = meta.body_licence
+    there = np.flatnonzero(presence(person.valid))[[0, -1]] + FIRST_FRAME
+    obj[PRESENT_FROM], obj[PRESENT_UNTIL] = (there / float(meta.frame_rate)).tolist()
     return Rig(obj, bones)
 
 
@@ -66,9 +73,11 @@ def animate_rig(rig: Rig, person: Person, world: Similarity) -> None:
     obj = rig.object
     rest = np.array([obj.data.bones[name].matrix_local for name in rig.bones], float)
     channels = pose_channels(person, world, rest[:, :3, :3], rest[0, :3, 3])
-    obj[EVIDENCE] = float(person.valid[0])
-    obj.id_properties_ui(EVIDENCE).update(min=0.0, max=1.0, description="1 where seen, 0 where filled in")
-    curves = [*_bone_curves(rig, channels), _evidence_curve(person.valid)]
+    curves = [
+        *_bone_curves(rig, channels),
+        _flag_curve(obj, EVIDENCE, person.valid, "1 where seen, 0 where filled in"),
+        _flag_curve(obj, PRESENT, presence(person.valid), "1 from the first to the last frame seen"),
+    ]
     write_action(obj, f"{obj.name} motion", frame_numbers(len(person.theta)), curves)
 
 
@@ -98,5 +107,9 @@ def _bone_curves(rig: Rig, channels: PoseChannels) -> list[Curves]:
     return curves
 
 
-def _evidence_curve(valid: NDArray[np.bool_]) -> Curves:
-    return Curves(f'["{EVIDENCE}"]', np.asarray(valid, float)[:, None], "Evidence", "CONSTANT")
+def _flag_curve(obj: bpy.types.Object, name: str, flags: NDArray[np.bool_], description: str) -> Curves:
+    """Give an object a custom property that is 0 or 1, and make its curve."""
+    values = np.asarray(flags, float)
+    obj[name] = float(values[0])
+    obj.id_properties_ui(name).update(min=0.0, max=1.0, description=description)
+    return Curves(f'["{name}"]', values[:, None], "Evidence", "CONSTANT")

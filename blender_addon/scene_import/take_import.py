@@ -15,8 +15,9 @@ from .body_mesh import build_body
 from .camera import build_camera
 from .footage import FootageError, find_footage, show_footage
 from .point_cloud import build_cloud
+from .presence import hide_absent_body, hide_absent_bones
 from .rest_pose import rest_pose
-from .timing import set_clock
+from .timing import clock_notes, set_clock
 from .world import world_of
 
 
@@ -29,12 +30,14 @@ class ImportOptions:
         camera: the camera and its footage.
         body: each person's skin.
         footage: the video or its folder; empty to look beside the take.
+        hide_absent: hide people before they are first and after they are last seen.
     """
 
     cloud: bool = True
     camera: bool = True
     body: bool = True
     footage: str = ""
+    hide_absent: bool = True
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class Imported:
         bodies: the skins, in the same order; empty without bodies.
         camera: None when left out.
         cloud: None when left out or empty.
-        notes: plain sentences for the user: the take's own warnings, missing footage.
+        notes: plain sentences for the user: the take's own warnings, missing footage, a changed frame rate.
     """
 
     collection: bpy.types.Collection
@@ -61,6 +64,8 @@ class Imported:
 def import_take(context: bpy.types.Context, take: Take, path: Path, options: ImportOptions) -> Imported:
     """Build a checked take in the current scene; its first frame is frame 1 of the scene.
 
+    What is in the scene already stays as it is. The people become the selection.
+
     Args:
         context: Blender's; object mode is entered.
         take: from `read_take`.
@@ -72,11 +77,13 @@ def import_take(context: bpy.types.Context, take: Take, path: Path, options: Imp
     """
     if context.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
+    # Edit mode, which bones are made in, would take selected armatures of the user with it.
+    _deselect_all(context)
     world = world_of(take.meta)
+    notes = [*take.meta.warnings, *clock_notes(context.scene, take.meta.frame_rate)]
     collection = _collection(context.scene.collection, path.stem)
     set_clock(context.scene, take.meta.frame_rate, take.frame_count)
     surroundings = _collection(collection, f"{path.stem} scene")
-    notes = list(take.meta.warnings)
     camera = cloud = None
     if options.camera:
         camera = build_camera(context.scene, surroundings, take.meta.camera, world, _farthest(take))
@@ -84,6 +91,8 @@ def import_take(context: bpy.types.Context, take: Take, path: Path, options: Imp
     if options.cloud and len(take.scene.points):
         cloud = build_cloud(surroundings, take.scene, take.meta.camera, world)
     built = [_build_person(context, collection, take, person, world, options) for person in take.people]
+    for armature, _ in built:
+        armature.select_set(True)
     return Imported(
         collection=collection,
         armatures=tuple(armature for armature, _ in built),
@@ -107,6 +116,10 @@ def _build_person(
     rig = build_rig(context, collection, person, take.meta, rest)
     animate_rig(rig, person, world)
     body = build_body(collection, rig, person, rest) if options.body and len(person.rest_vertices) else None
+    if options.hide_absent:
+        hide_absent_bones(rig.object)
+        if body is not None:
+            hide_absent_body(body, rig.object)
     return rig.object, body
 
 
@@ -114,6 +127,11 @@ def _collection(parent: bpy.types.Collection, name: str) -> bpy.types.Collection
     collection = bpy.data.collections.new(name)
     parent.children.link(collection)
     return collection
+
+
+def _deselect_all(context: bpy.types.Context) -> None:
+    for obj in context.view_layer.objects:
+        obj.select_set(False)
 
 
 def _show_footage(camera: bpy.types.Object, take: Take, path: Path, chosen: str) -> list[str]:

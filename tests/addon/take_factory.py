@@ -45,6 +45,10 @@ class TakeSpec:
     frame_step: int = 1
     swing: float = 0.6
     points: int = 4000
+    absence: int = 0
+    """Frames in which a person has not come yet (the first, third, ...) or has left (the others), standing still."""
+    vertices: int = 0
+    """0 for bodies of boxes, otherwise skins of so many vertices with four different joints at each."""
     seed: int = 0
 
 
@@ -115,7 +119,7 @@ def _person(rng: np.random.Generator, spec: TakeSpec, index: int, tilt: np.ndarr
     rest = np.zeros((24, 3))
     for joint, (name, parent) in enumerate(zip(JOINT_NAMES, PARENTS, strict=True)):
         rest[joint] = np.array(_STEPS[name]) + (rest[parent] if parent >= 0 else 0)
-    vertices, faces, weight_joints, weights = _boxes(rest)
+    vertices, faces, weight_joints, weights = _skin(rng, rest, spec.vertices) if spec.vertices else _boxes(rest)
     scale = float(np.float32(0.75 + 0.25 * index))
     t = np.arange(spec.frames)
     phase = rng.uniform(0, 2 * np.pi, (24, 3))
@@ -133,6 +137,10 @@ def _person(rng: np.random.Generator, spec: TakeSpec, index: int, tilt: np.ndarr
     gamma = start + tilt[:, 0] * 0.02 * t[:, None] + 0.05 * up * np.sin(0.5 * t)[:, None]
     valid = np.ones(spec.frames, bool)
     valid[spec.frames // 2 : spec.frames // 2 + 2] = False
+    there = slice(spec.absence, None) if index % 2 == 0 else slice(None, spec.frames - spec.absence)
+    valid &= np.isin(t, t[there])
+    held = np.clip(t, t[there][0], t[there][-1])
+    theta, gamma = theta[held], gamma[held]
     return Person(
         id=3 * index + 1,
         name=f"Person {index + 1}",
@@ -167,6 +175,17 @@ def _boxes(rest: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
         joints.append(np.where(nearer_child[:, None], [joint, parent, 0, 0], [parent, grand, joint, 0]))
         weights.append(np.where(nearer_child[:, None], [0.25, 0.75, 0.0, 0.0], [0.6, 0.3, 0.1, 0.0]))
     return np.concatenate(vertices), np.concatenate(faces), np.concatenate(joints), np.concatenate(weights)
+
+
+def _skin(
+    rng: np.random.Generator, rest: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A band of triangles around the bones; every vertex hangs on four joints by uneven weights."""
+    joints = np.sort(rng.permuted(np.tile(np.arange(24), (count, 1)), axis=1)[:, :4], axis=1)
+    weights = rng.dirichlet((4.0, 2.0, 1.0, 0.5), count)
+    vertices = rest[joints[:, 0]] + rng.normal(scale=0.08, size=(count, 3))
+    first = np.arange(count - 2)
+    return vertices, np.stack([first, first + 1, first + 2], axis=1), joints, weights
 
 
 def _scene(rng: np.random.Generator, spec: TakeSpec, up: np.ndarray) -> Scene:

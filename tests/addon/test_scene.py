@@ -127,3 +127,56 @@ def test_undo_brings_the_old_scene_back(bpy: Any, tmp_path: Path) -> None:
     assert data_counts(bpy) == before
     bpy.ops.ed.redo()
     assert data_counts(bpy) == after
+
+
+def test_a_scene_with_things_of_the_user_keeps_them(import_spec: Importer, bpy: Any) -> None:
+    scene = bpy.context.scene
+    scene.render.fps, scene.frame_start, scene.frame_end = 24, 0, 250
+    bpy.ops.object.armature_add()
+    own = bpy.context.object
+    own.name = "Person 1"
+    bones = {bone.name: np.array(bone.matrix_local) for bone in own.data.bones}
+    for frame in (1, 48):
+        own.location.x = frame
+        own.keyframe_insert("location", frame=frame)
+    import_spec(TakeSpec(people=2, frames=7, points=8))
+    assert bpy.data.objects["Person 1"] == own
+    assert {bone.name: np.array(bone.matrix_local) for bone in own.data.bones}.keys() == bones.keys()
+    assert not own.select_get()
+    assert {o.type for o in bpy.context.selected_objects} == {"ARMATURE"}
+    assert len(bpy.context.selected_objects) == 2
+    scene.frame_set(48)
+    assert own.location.x == pytest.approx(48)
+    # The take's rate, but a range that still holds the user's own motion.
+    assert (scene.frame_start, scene.frame_end) == (0, 250)
+    assert scene.render.fps / scene.render.fps_base == pytest.approx(30000 / 1001)
+
+
+def test_a_changed_rate_is_said_where_something_moved(bpy: Any, addon: Any, tmp_path: Path) -> None:
+    take_import = addon("scene_import.take_import")
+    options = take_import.ImportOptions(camera=False)
+    take = make_take(TakeSpec(people=1, frames=4, points=8))
+
+    def rate_notes() -> list[str]:
+        imported = take_import.import_take(bpy.context, take, tmp_path / "match.npz", options)
+        return [note for note in imported.notes if "frames per second" in note]
+
+    bpy.context.scene.render.fps = 24
+    bpy.ops.mesh.primitive_cube_add()
+    assert not rate_notes()
+    # Now people of the first import move, at the same rate.
+    assert not rate_notes()
+    bpy.context.scene.render.fps, bpy.context.scene.render.fps_base = 24, 1.0
+    (note,) = rate_notes()
+    assert "ran at 24 " in note
+    assert "29.97" in note
+
+
+def test_names_of_folders_and_files_may_be_anything(bpy: Any, tmp_path: Path) -> None:
+    folder = tmp_path / "два человека 二人"
+    folder.mkdir()
+    path = folder / "дубль 1 – été.npz"
+    write_take(path, make_take(TakeSpec(people=1, frames=3, points=0)))
+    assert bpy.ops.import_scene.scene_aware_mocap(filepath=str(path)) == {"FINISHED"}
+    assert bpy.context.scene.collection.children[path.stem].children["Person 1"]
+    assert "Scene cloud" not in bpy.data.objects
