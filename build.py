@@ -34,7 +34,7 @@ CLIP = "lab-two-people"
 CLIP_CAMERA = "cam01"
 TORCH_CPU_INDEX = "https://download.pytorch.org/whl/cpu"
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the date of every file in the extension, so that the same sources give the same bytes
-TESTS_IN_BLENDER = ("tests/addon", "tests/solver/take", "tests/solver/geometry")
+TESTS_IN_BLENDER = ("tests/addon", "tests/solver/take", "tests/solver/geometry/test_frames.py")
 
 # Libraries that `import bpy` loads on Linux, and the Debian package of each.
 SYSTEM_LIBRARIES = {
@@ -247,14 +247,33 @@ def demo(_: argparse.Namespace) -> int:
     """Fetch the models and a clip of two people, solve it, draw it and write a GLB, all into out/demo."""
     times: dict[str, float] = {}
     target = ROOT / "out" / "demo"
-    take = target / "take.npz"
-    scene = target / "scene.glb"
+    results = tuple(target / name for name in ("take.npz", "scene.glb", "overlay.mp4", "overview.png"))
     with timed("set up", times):
         python = main_environment()
         target.mkdir(parents=True, exist_ok=True)
     program = in_environment(ROOT / ".venv", "scene-aware-mocap")
     with timed("fetch", times):
         run([program, "models", "fetch", *MODELS, CLIP])
+    stamp = target / STAMP
+    made_from = fingerprint("demo", answer([program, "models", "list"]) or "", *sources())
+    if all(file.is_file() for file in results) and stamp.is_file() and stamp.read_text() == made_from:
+        print("\nNothing has changed since the results were made: remove out/demo to make them again.")
+    else:
+        stamp.unlink(missing_ok=True)
+        make_results(python, program, target, times)
+        stamp.write_text(made_from)
+    print("\nTime per stage")
+    for stage, seconds in times.items():
+        print(f"  {stage:10}{seconds:8.1f} s")
+    print("Results")
+    for file in results:
+        print(f"  {file.relative_to(ROOT)}  {file.stat().st_size / 1e6:.1f} MB")
+    return 0
+
+
+def make_results(python: Path, program: Path, target: Path, times: dict[str, float]) -> None:
+    """Solve the clip, draw it and write the GLB."""
+    take = target / "take.npz"
     clip = Path(answer([program, "models", "path", CLIP]) or "")
     camera = f"{clip.with_name('Calib.qca.txt')}:{CLIP_CAMERA}"
     with timed("solve", times):
@@ -262,14 +281,14 @@ def demo(_: argparse.Namespace) -> int:
     with timed("preview", times):
         run([program, "preview", take, clip, "-o", target])
     with timed("export", times):
-        run([python, ROOT / "blender_addon" / "batch.py", "--", "--take", take, "--out", scene])
-    print("\nTime per stage")
-    for stage, seconds in times.items():
-        print(f"  {stage:10}{seconds:8.1f} s")
-    print("Results")
-    for file in (take, scene, target / "overlay.mp4", target / "overview.png"):
-        print(f"  {file.relative_to(ROOT)}  {file.stat().st_size / 1e6:.1f} MB")
-    return 0
+        run([python, ROOT / "blender_addon" / "batch.py", "--", "--take", take, "--out", target / "scene.glb"])
+
+
+def sources() -> list[str]:
+    """The text of everything that decides what the demo makes."""
+    folders = (ROOT / "core_solver", ROOT / "blender_addon")
+    files = sorted(file for folder in folders for kind in ("*.py", "*.toml") for file in folder.rglob(kind))
+    return [file.read_text(encoding="utf-8") for file in files]
 
 
 # --- test ------------------------------------------------------------------------------------------------------------
@@ -382,7 +401,8 @@ def parser() -> argparse.ArgumentParser:
     commands = argparse.ArgumentParser(prog="build.py", description="Set up, try and test Scene-Aware Mocap.")
     actions = commands.add_subparsers(dest="command", required=True)
     for name, action in (("demo", demo), ("test", test), ("extension", extension), ("clean", clean)):
-        sub = actions.add_parser(name, help=(action.__doc__ or "").splitlines()[0])
+        purpose = (action.__doc__ or "").splitlines()[0]
+        sub = actions.add_parser(name, help=purpose, description=purpose)
         sub.set_defaults(action=action)
         if action is test:
             sub.add_argument(

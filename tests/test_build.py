@@ -151,3 +151,67 @@ def test_clean_removes_only_what_was_built(build: ModuleType, tmp_path: Path, mo
     monkeypatch.setattr(build, "ROOT", tmp_path)
     assert build.main(["clean"]) == 0
     assert [path.name for path in tmp_path.iterdir()] == ["core_solver"]
+
+
+@pytest.fixture
+def fake_demo(build: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The demo in an empty root, with commands that only note their names and touch their results."""
+    ran: list[str] = []
+
+    def run(words: list[str | Path], environment: object = None) -> None:
+        ran.append(next(str(w) for w in words if str(w) in {"models", "solve", "preview"} or "batch" in str(w)))
+        for name in () if "models" in words else ("take.npz", "scene.glb", "overlay.mp4", "overview.png"):
+            (tmp_path / "out" / "demo" / name).touch()
+
+    for name in ("pyproject.toml", "constraints.txt"):
+        (tmp_path / name).touch()
+    (tmp_path / "core_solver").mkdir()
+    monkeypatch.setattr(build, "ROOT", tmp_path)
+    monkeypatch.setattr(build, "CONSTRAINTS", tmp_path / "constraints.txt")
+    monkeypatch.setattr(build, "main_environment", lambda: tmp_path / "python")
+    monkeypatch.setattr(build, "answer", lambda words: str(tmp_path / "models" / words[-1]))
+    monkeypatch.setattr(build, "run", run)
+    return ran
+
+
+def test_demo_again_does_nothing(build: ModuleType, fake_demo: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert build.main(["demo"]) == 0
+    assert len(fake_demo) == 4
+    fake_demo.clear()
+    assert build.main(["demo"]) == 0
+    assert fake_demo == ["models"]
+    assert "Nothing has changed" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("change", ["result", "source", "models"])
+def test_demo_is_made_again_when_something_changed(
+    build: ModuleType, fake_demo: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: str
+) -> None:
+    build.main(["demo"])
+    fake_demo.clear()
+    if change == "result":
+        (tmp_path / "out" / "demo" / "scene.glb").unlink()
+    elif change == "source":
+        (tmp_path / "core_solver" / "new.py").write_text("new = True")
+    else:
+        monkeypatch.setattr(build, "answer", lambda _words: "a depth network was added")
+    build.main(["demo"])
+    assert len(fake_demo) == 4
+
+
+def test_an_interrupted_demo_is_not_taken_for_finished(
+    build: ModuleType, fake_demo: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build.main(["demo"])
+    (tmp_path / "core_solver" / "new.py").write_text("new = True")
+
+    def stop(*_arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(build, "make_results", stop)
+        assert build.main(["demo"]) == 130
+    (tmp_path / "core_solver" / "new.py").unlink()
+    fake_demo.clear()
+    build.main(["demo"])
+    assert len(fake_demo) == 4
