@@ -26,6 +26,9 @@ Image = NDArray[np.uint8]
 
 _log = logging.getLogger(__name__)
 
+_OPENCV_ERRORS_ONLY = 2
+cv2.setLogLevel(_OPENCV_ERRORS_ONLY)  # its warnings would bury ours as FFmpeg's lines would
+
 _NTSC_BASES = (12, 15, 24, 30, 48, 60, 90, 120, 240)
 _RATE_TOLERANCE = 2e-4  # NTSC rates lie 1e-3 below the whole number
 _SNAP_FRAMES = 0.1  # a time this close to index / rate is rounding by the container
@@ -115,7 +118,10 @@ def open_video(path: Path, start_s: float | None = None, end_s: float | None = N
     times, rate, is_variable = regular_times(picture_times, reported_rate)
     chosen = _within(path, times, rate, start_s, end_s)[::every]
     if len(chosen) < 2:
-        raise VideoError(f"only {len(chosen)} frame of {path.name} is in the chosen range: choose a longer one")
+        raise VideoError(
+            f"{len(chosen)} of the frames of {path.name} are in the chosen range and two are needed: "
+            "choose a longer range or a smaller --every"
+        )
     frame_list = tuple(FrameInfo(int(i), float(times[i])) for i in chosen)
     return VideoClip(path, width, height, rate, is_variable, every, frame_list)
 

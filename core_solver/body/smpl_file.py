@@ -16,6 +16,7 @@ from core_solver.errors import ModelError
 Array = NDArray[np.float64]
 
 _BETAS = 10
+_UNREADABLE = "{path} cannot be read as a body model: give an SMPL file (.npz or .pkl) that is whole"
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def read_smpl_arrays(path: Path) -> SmplArrays:
             faces=_dense(entries["f"]).astype(np.int32),
         )
     except KeyError as error:
-        raise ModelError(f"{path} is not a body model that can be used: it lacks {error}") from error
+        raise ModelError(f"{path} is not a body model that can be used: it lacks {error}; give an SMPL file") from error
     except (TypeError, ValueError, IndexError) as error:
         raise ModelError(f"{path} is not a body model that can be used: {error}") from error
     _check(path, arrays, entries.get("kintree_table"))
@@ -84,8 +85,8 @@ def _read_npz(path: Path) -> dict[str, Any]:
     try:
         with np.load(path, allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise ModelError(f"{path} cannot be read as a body model: {error}") from error
+    except Exception as error:  # a damaged archive raises almost anything
+        raise ModelError(_UNREADABLE.format(path=path)) from error
 
 
 def _read_pickle(path: Path) -> dict[str, Any]:
@@ -94,7 +95,7 @@ def _read_pickle(path: Path) -> dict[str, Any]:
     except ModelError:
         raise
     except Exception as error:  # a damaged pickle raises almost anything
-        raise ModelError(f"{path} cannot be read as a body model: {error}") from error
+        raise ModelError(_UNREADABLE.format(path=path)) from error
     if not isinstance(entries, dict):
         raise ModelError(f"{path} is not an SMPL model: it holds no table of arrays")
     return {str(name): value for name, value in entries.items()}

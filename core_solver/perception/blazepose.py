@@ -5,6 +5,9 @@ all a person seen from behind may be taken for one seen from the front. MoveNet,
 judge: where the two disagree, other crops are tried and the answer closest to MoveNet's is kept.
 """
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -279,11 +282,29 @@ def _interpreter(path: Path):
     from ai_edge_litert.interpreter import Interpreter  # noqa: PLC0415 - slow to load
 
     try:
-        network = Interpreter(str(path), num_threads=1)
-        network.allocate_tensors()
+        with _silent_libraries():
+            network = Interpreter(str(path), num_threads=1)
+            network.allocate_tensors()
     except (ValueError, RuntimeError) as error:
         raise ModelError(f"{path.name} is no readable .tflite network: fetch it again") from error
     shape = tuple(network.get_input_details()[0]["shape"])
     if shape != (1, _CROP, _CROP, 3):
         raise ModelError(f"{path.name} is not BlazePose's landmark network: its input is {shape}")
     return network
+
+
+@contextmanager
+def _silent_libraries() -> Iterator[None]:
+    """Drop what C++ code writes to standard error: the interpreter has no switch for its greeting."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # a program without standard error
+        yield
+        return
+    try:
+        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 - os.devnull is no path on Windows
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)

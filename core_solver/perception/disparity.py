@@ -71,17 +71,20 @@ class DisparityNetwork:
             ModelError: unreadable, or input or output are of another kind.
         """
         self.path = path
-        self._convention = convention_for(path)
         self._session = open_session(path)
         inputs = self._session.get_inputs()
         if len(inputs) != 1 or len(inputs[0].shape) != 4 or inputs[0].shape[1] not in (3, "3"):
             shapes = ", ".join(str(i.shape) for i in inputs)
-            raise ModelError(f"{path.name} takes {shapes}: a disparity network takes one picture (1, 3, height, width)")
+            raise ModelError(
+                f"{path.name} takes {shapes} and is no depth network, which takes one picture (1, 3, height, width): "
+                "give another one with --depth"
+            )
         if inputs[0].type not in _TYPES:
             raise ModelError(f"{path.name} takes {inputs[0].type}: a disparity network takes float pictures")
         self._name = inputs[0].name
         self._type = _TYPES[inputs[0].type]
         self._sides = inputs[0].shape[2:]
+        self._convention = convention_for(path)
 
     def __call__(self, image: Image) -> NDArray[np.float16]:
         """Disparity of a (H, W, 3) BGR picture.

@@ -25,4 +25,4 @@ def open_session(path: Path) -> onnxruntime.InferenceSession:
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's errors have no public base class
-        raise ModelError(f"{path.name} is no readable ONNX network: fetch it again") from error
+        raise ModelError(f"{path} is no readable ONNX network: fetch it again or give another one") from error

@@ -11,6 +11,7 @@ import http.client
 import json
 import logging
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -41,6 +42,9 @@ NETWORK_TIMEOUT_S = 60
 POLL_S = 0.2
 DEFAULT_NPM_REGISTRY = "https://registry.npmjs.org/"
 NPM_FOLDER = "package/"  # every npm tarball holds its files below this folder
+
+# What Python puts around the words that a user can read: objects, classes of errors, quotes.
+_PYTHON_WORDS = re.compile(r"<[^>]+ object at \w+>: |\b\w+(Error|Disconnected)\(|['\"]?\)+['\"]?: \S*$|['\"]")
 
 
 @dataclass(frozen=True)
@@ -184,7 +188,7 @@ def failure(package: Package, output: str) -> str:
     if "no space left" in lowered or "enospc" in lowered:
         return f"the disk is full: make room for {2 * package.size >> 20} MB and fetch {package} again"
     reasons = [line.strip() for line in output.splitlines() if "err" in line.lower()] or output.split("\n")[-1:]
-    reason = reasons[0].rpartition("connection broken by ")[2][:200]
+    reason = _PYTHON_WORDS.sub("", reasons[0].rpartition("connection broken by ")[2])[:200]
     log.debug("fetching %s failed:\n%s", package, output)
     return f"could not download {package}: check the network or your registry settings and try again ({reason})"
 

@@ -1,5 +1,6 @@
 """Read a take, with every shape checked before anyone uses it."""
 
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -33,16 +34,23 @@ def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     except TakeError:
         raise
     except Exception as error:  # a damaged archive raises almost anything
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise TakeError(f"not a readable .npz archive ({reason}): copy or solve it again") from error
+        raise TakeError(f"not a readable .npz archive ({_reason(path, error)}): copy or solve it again") from error
     if keys.META not in arrays:
         raise TakeError("not a Scene-Aware Mocap take: it has no meta entry")
     return arrays
 
 
+def _reason(path: Path, error: Exception) -> str:
+    if not zipfile.is_zipfile(path):  # numpy would take it for a pickle and speak of that
+        return "another kind of file, or cut off"
+    return str(error).partition("\n")[0] or type(error).__name__
+
+
 def _load_archive(path: Path) -> dict[str, NDArray[Any]]:
+    if path.is_dir():
+        raise TakeError("this is a directory: give the take itself")
     if not path.is_file():
-        raise TakeError("no such file")
+        raise TakeError("no such file: check the path")
     archive = np.load(path, allow_pickle=False)
     if isinstance(archive, np.ndarray):
         return {}

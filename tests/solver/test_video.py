@@ -134,12 +134,14 @@ def test_cut_off_file_gives_the_frames_it_has(tmp_path: Path) -> None:
         (lambda p: write_video(p, frames=1), "only one frame"),
     ],
 )
-def test_what_is_no_video_is_refused_in_one_line(tmp_path: Path, make, words: str) -> None:
+def test_what_is_no_video_is_refused_in_one_line(tmp_path: Path, capfd, make, words: str) -> None:
     path = tmp_path / "clip.avi"
     make(path)
+    capfd.readouterr()
     with pytest.raises(VideoError, match=words) as caught:
         open_video(path)
     assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", ""), "OpenCV and FFmpeg keep quiet"
 
 
 @pytest.mark.parametrize(
@@ -148,8 +150,9 @@ def test_what_is_no_video_is_refused_in_one_line(tmp_path: Path, make, words: st
         (9.0, None, 1, "0.48 s long"),
         (0.2, 0.1, 1, "the end must come after"),
         (-1.0, None, 1, "the end must come after"),
-        (0.0, 0.04, 1, "longer"),
-        (None, None, 20, "longer"),
+        (0.0, 0.04, 1, "1 of the frames of a.avi"),
+        (0.05, 0.06, 1, "0 of the frames of a.avi"),
+        (None, None, 20, "smaller --every"),
         (None, None, 0, "1 or more"),
     ],
 )

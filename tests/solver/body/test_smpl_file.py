@@ -160,6 +160,7 @@ def test_other_models_and_damage_are_refused(tmp_path):
     (tmp_path / "cut.pkl").write_bytes(pickle.dumps(smpl_entries())[:999])
     with pytest.raises(ModelError, match="cannot be read"):
         load_body(tmp_path / "cut.pkl")
-    (tmp_path / "text.pkl").write_text("not a model")
-    with pytest.raises(ModelError):
-        load_body(tmp_path / "text.pkl")
+    for name in ("text.pkl", "text.npz", "text.mp4"):
+        (tmp_path / name).write_text("not a model")
+        with pytest.raises(ModelError, match="give an SMPL file"):
+            load_body(tmp_path / name)

@@ -1,5 +1,6 @@
 """Crops, their way back to the picture, and what the real network says about known people."""
 
+import os
 from pathlib import Path
 
 import cv2
@@ -160,6 +161,13 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
     path.write_bytes(b"nothing")
     with pytest.raises(ModelError, match="fetch it again"):
         BlazePose(path)
+
+
+@pytest.mark.models
+def test_loading_greets_nobody(models, capfd) -> None:
+    BlazePose(models.require("blazepose-full"))
+    os.write(2, b"still there")
+    assert capfd.readouterr() == ("", "still there")
 
 
 @pytest.mark.models

@@ -102,7 +102,7 @@ def test_without_files_there_is_no_depth(tmp_path: Path) -> None:
             disparity_files(nothing)
 
 
-def test_networks_of_another_kind_are_refused_with_the_reason(tmp_path: Path) -> None:
+def test_networks_of_another_kind_are_refused_with_the_reason(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     grey = write_network(tmp_path / "grey.onnx", [64, 64], channels=1)
     with pytest.raises(ModelError, match=r"takes .*1, 1, 64, 64"):
         DisparityNetwork(grey)
@@ -111,8 +111,10 @@ def test_networks_of_another_kind_are_refused_with_the_reason(tmp_path: Path) ->
         DisparityNetwork(whole)
     broken = tmp_path / "broken.onnx"
     broken.write_bytes(b"\x00" * 100)
+    caplog.clear()
     with pytest.raises(ModelError, match="fetch it again"):
         DisparityNetwork(broken)
+    assert not caplog.records, "no word on the picture's normalisation of a file that is no network"
     graph = helper.make_graph(
         [helper.make_node("Identity", ["x"], ["y"])], "colour",
         [helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 3, 64, 64])],

@@ -235,6 +235,30 @@ def test_unknown_wheel_is_reported_in_one_line(tmp_path: Path, monkeypatch: pyte
     assert left_behind(store) == []
 
 
+@pytest.mark.parametrize(
+    ("said", "reason"),
+    [
+        (
+            (
+                "WARNING: Retrying (Retry(total=0)) after connection broken by 'NewConnectionError('<pip.Connection "
+                "object at 0x7f01>: Failed to establish a new connection: [Errno 111] Connection refused')': /anny/"
+            ),
+            "(Failed to establish a new connection: [Errno 111] Connection refused)",
+        ),
+        (
+            (
+                "WARNING: Retrying (Retry(total=0)) after connection broken by 'ProtocolError('Connection aborted.', "
+                "RemoteDisconnected('Remote end closed connection without response'))': /anny/"
+            ),
+            "(Connection aborted., Remote end closed connection without response)",
+        ),
+        ("npm error code ECONNREFUSED\nnpm error syscall connect", "(npm error code ECONNREFUSED)"),
+    ],
+)
+def test_reasons_are_words_and_no_python(said: str, reason: str) -> None:
+    assert packages.failure(Package("wheel", 1, "", "anny", "0.6.2"), said).endswith(reason)
+
+
 def test_npm_package_comes_over_https_without_npm(
     tmp_path: Path, served: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

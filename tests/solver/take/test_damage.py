@@ -146,14 +146,15 @@ def test_a_header_that_asks_for_too_much_is_refused_in_one_line(arrays: Arrays, 
     [(b"", "archive"), (b"not an archive", "archive"), (pickle.dumps([1, 2]), "archive"), (b"PK\x03\x04", "archive")],
 )
 def test_other_files_are_refused(tmp_path: Path, content: bytes, reason: str) -> None:
-    with pytest.raises(TakeError, match=reason):
+    with pytest.raises(TakeError, match=reason) as caught:
         read_bytes(tmp_path, content)
+    assert "pickle" not in str(caught.value), "what numpy would have done helps nobody"
 
 
 def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
     with pytest.raises(TakeError, match=r"away\.npz: no such file"):
         read_take(tmp_path / "away.npz")
-    with pytest.raises(TakeError, match="no such file"):
+    with pytest.raises(TakeError, match="directory"):
         read_take(tmp_path)
 
 
