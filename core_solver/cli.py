@@ -34,23 +34,18 @@ _UNEXPECTED, _USER_ERROR, _INTERRUPTED = 1, 2, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return the process's exit code."""
     debug = bool(os.environ.get(DEBUG_VARIABLE))
+    stopped = "stopped: nothing was begun"
     try:
         options = _parser().parse_args(arguments)
         debug = debug or options.debug
-        logging.basicConfig(
-            level=logging.DEBUG if debug else logging.INFO if options.verbose else logging.WARNING,
-            format="%(levelname)s %(name)s: %(message)s",
-        )
+        stopped = options.stopped
+        _start_logging(verbose=options.verbose, debug=debug)
         code: int = options.run(options)
         sys.stdout.flush()
     except UserError as error:
         return _fail(f"error: {_one_line(error)}", _USER_ERROR, debug=debug)
     except KeyboardInterrupt:
-        return _fail(
-            "stopped: nothing was lost, an older take is untouched; `solve --resume` goes on from here",
-            _INTERRUPTED,
-            debug=debug,
-        )
+        return _fail(stopped, _INTERRUPTED, debug=debug)
     except BrokenPipeError:
         # The reader (`| head`) has gone; without this, Python would complain when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -128,6 +123,7 @@ def _program_parser() -> argparse.ArgumentParser:
     parser = _Parser(prog=_PROGRAM, description="Several people from one video of one static camera, in metres.")
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     _add_common(parser, default=False)
+    parser.set_defaults(stopped="stopped: older files are untouched; give the same command to begin again")
     return parser
 
 
@@ -164,7 +160,9 @@ def _add_solve(commands: Commands) -> argparse.ArgumentParser:
     parser.add_argument("--resume", action="store_true", help="go on from what an earlier run has kept in TAKE.work")
     parser.add_argument("--body", type=Path, metavar="FILE", help="your own SMPL file (.npz or .pkl)")
     parser.add_argument("--preset", choices=("fast",), default="fast")
-    parser.set_defaults(run=solve)
+    parser.set_defaults(
+        run=solve, stopped="stopped: an older take is untouched; give the same command with --resume to go on"
+    )
     return parser
 
 
@@ -189,7 +187,7 @@ def _check_solve(options: argparse.Namespace) -> None:
     """Refuse at once what would otherwise fail after minutes of work."""
     _require_file(options.video, "video")
     output: Path = options.output
-    if output.suffix.lower() != ".npz" or output.is_dir():
+    if output.suffix != ".npz" or output.is_dir():
         raise UserError(f"{output} is no name for a take: give a file that ends in .npz with -o")
     blocked = next((p for p in output.parents if p.exists()), None)
     if blocked is not None and not (blocked.is_dir() and os.access(blocked, os.W_OK)):
@@ -226,6 +224,15 @@ def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
     return int(text)
+
+
+def _start_logging(*, verbose: bool, debug: bool) -> None:
+    """Warnings read like our other lines; whoever asks for more also learns which part of the program speaks."""
+    level = logging.DEBUG if debug else logging.INFO if verbose else logging.WARNING
+    logging.addLevelName(logging.WARNING, "warning")
+    logging.basicConfig(
+        level=level, format="%(levelname)s %(name)s: %(message)s" if verbose or debug else "%(levelname)s: %(message)s"
+    )
 
 
 def _one_line(error: BaseException) -> str:

@@ -54,6 +54,7 @@ def assert_refused(result, *words) -> None:
         (("solve", "missing.mp4", "-o", "{dir}/t.npz"), ("missing.mp4",)),
         (("solve", "{dir}", "-o", "{dir}/t.npz"), ("directory",)),
         (("solve", "{video}", "-o", "{dir}/t.txt"), ("t.txt", ".npz")),
+        (("solve", "{video}", "-o", "{dir}/t.NPZ"), ("t.NPZ", ".npz")),
         (("solve", "{video}", "-o", "{dir}"), (".npz",)),
         (("solve", "{video}", "-o", "{video}/t.npz"), ("-o",)),
         (("solve", "{video}", "-o", "t.npz", "--camera", "a", "--fov", "50"), ("--camera", "--fov")),
@@ -215,6 +216,43 @@ def test_failures_end_in_one_line(capsys, monkeypatch, tmp_path, video_path, out
     assert words in err.splitlines()[-1]
     assert "Traceback" not in err
     assert not (tmp_path / "t.npz").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "resumes"),
+    [
+        (("solve", "{video}", "-o", "t.npz"), True),
+        (("preview", "{take}", "{video}", "-o", "p"), False),
+        (("inspect", "{take}"), False),
+        (("models", "list"), False),
+    ],
+)
+def test_ctrl_c_speaks_of_resuming_only_where_that_helps(capsys, monkeypatch, take_path, video_path, command, resumes):
+    def stop(*_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    for place in (
+        "core_solver.pipeline.solve_video", "core_solver.preview.write_preview", "core_solver.take.read_take",
+        "core_solver.perception.models_cli.ModelStore",
+    ):  # fmt: skip
+        monkeypatch.setattr(place, stop)
+    code, _, err = run(capsys, *(a.format(take=take_path, video=video_path) for a in command))
+    assert code == 130
+    assert err.startswith("stopped: ")
+    assert ("--resume" in err) == resumes
+
+
+def test_warnings_read_like_other_lines(take_path):
+    script = (
+        "import logging, sys; from core_solver import cli, inspection\n"
+        "facts = inspection.take_facts\n"
+        "def warn(*a): logging.getLogger('core_solver.x').warning('it is late'); return facts(*a)\n"
+        "inspection.take_facts = warn\n"
+        "sys.exit(cli.main(sys.argv[1:]))"
+    )
+    for flags, line in (([], "warning: it is late\n"), (["-v"], "warning core_solver.x: it is late\n")):
+        command = [sys.executable, "-c", script, "inspect", str(take_path), *flags]
+        assert subprocess.run(command, capture_output=True, text=True, check=True).stderr == line
 
 
 @pytest.mark.parametrize("by_environment", [False, True])
