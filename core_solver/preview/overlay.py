@@ -94,7 +94,8 @@ def write_overlay(footage: TakeOverFootage, path: Path, advance: Advance) -> Non
         UserError: the video cannot be written there; an older file stays.
     """
     times = footage.take.times
-    rate = 1 / float(np.median(np.diff(times))) if len(times) > 1 else float(footage.take.meta.frame_rate)
+    # The mean: where a video's frames come unevenly, the overlay at least lasts as long.
+    rate = (len(times) - 1) / float(times[-1] - times[0]) if len(times) > 1 else float(footage.take.meta.frame_rate)
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
         _write_frames(footage, part, rate, advance)

@@ -65,6 +65,15 @@ def test_files_frames_and_even_sizes(tmp_path, width, height):
     assert sorted(p.name for p in overlay.parent.iterdir()) == ["overlay.mp4", "overview.png"]
 
 
+def test_the_overlay_lasts_as_long_as_a_video_of_uneven_frames(tmp_path):
+    take = make_take()
+    times = np.arange(12) / 25 + np.where(np.arange(12) > 5, 0.4, 0)
+    video = write_video(tmp_path / "clip.avi", take.meta.camera, 12)
+    overlay, _ = write_preview(replace(take, times=times), video, tmp_path, SilentProgress())
+    rate = cv2.VideoCapture(str(overlay)).get(cv2.CAP_PROP_FPS)
+    assert 11 / rate == pytest.approx(times[-1] - times[0], rel=0.01)
+
+
 def test_bodies_lie_where_an_independent_projection_puts_them(tmp_path):
     take = make_take()
     video = write_video(tmp_path / "clip.avi", take.meta.camera, 12)
