@@ -54,7 +54,7 @@ def test_written_glb_holds_both_people(repo_root: Path, take_file: Path, bpy: An
         (["--take", "TAKE"], "--out"),
         ([], "--take"),
         (["--take", "missing.npz", "--out", "scene.glb"], "missing.npz: no such file"),
-        (["--take", "FOREIGN", "--out", "scene.glb"], "foreign.npz: not an .npz archive"),
+        (["--take", "FOREIGN", "--out", "scene.glb"], "foreign.npz: not a readable .npz archive"),
     ],
 )
 def test_a_bad_call_or_take_is_code_2_and_writes_nothing(
