@@ -24,8 +24,8 @@ def export_objects(context: bpy.types.Context, objects: Sequence[bpy.types.Objec
 
     An old file at `path` is replaced only when the new one is complete. The scene's selection changes.
     Hidden objects are written too. Neither format can hide somebody for a while: people who have not come yet or have
-    left stand still where they were first or last seen, and the armatures' custom properties, in a GLB the nodes'
-    extras, say when they are there.
+    left stand still where they were first or last seen, and the armatures' custom properties (extras of a GLB's
+    nodes, user properties in FBX) say when they are there.
 
     Args:
         context: in object mode.
@@ -93,6 +93,7 @@ def _write_fbx(_context: bpy.types.Context, path: Path) -> None:
         use_selection=True,
         object_types={"ARMATURE", "MESH", "CAMERA"},
         add_leaf_bones=False,
+        use_custom_props=True,
         mesh_smooth_type="FACE",
         bake_anim=True,
         bake_anim_use_all_actions=False,

@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 
 # A bone points to this child when a joint has several.
 _MAIN_CHILD = {"pelvis": "spine1", "spine3": "neck"}
-# Lengths of the bones after the last joints, in body heights.
-_HEAD, _FOOT, _HAND = 0.11, 0.04, 0.05
+# Lengths of the bones after the last joints, in body heights: such that they end within the skin or hardly beyond.
+_HEAD, _FOOT, _HAND = 0.085, 0.035, 0.02
 # Shorter bones would be lost: Blender removes bones without length.
 _SHORTEST = 0.005
 

@@ -112,3 +112,4 @@ def test_files_hold_people_who_are_away_at_the_moment(
     for name in ("Person 1", "Person 2"):
         assert set(JOINT_NAMES) <= {bone.name for bone in bpy.data.objects[name].data.bones}
         assert bpy.data.objects[name].animation_data.action is not None
+    assert bpy.data.objects["Person 1"]["present_from_s"] == pytest.approx(5 * 1001 / 30000)
