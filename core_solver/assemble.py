@@ -77,7 +77,7 @@ def _person(
         id=track.id,
         name=f"Person {track.id}",
         height_m=round(scale * body.height(betas), 4),
-        colour=PALETTE[index % len(PALETTE)],
+        colour=_colour(index),
         theta=solution.theta[index].astype(np.float32),
         gamma=solution.gamma[index].astype(np.float32),
         betas=betas.astype(np.float32),
@@ -91,6 +91,13 @@ def _person(
         weight_joints=skinning[0],
         weights=skinning[1],
     )
+
+
+def _colour(index: int) -> tuple[float, float, float]:
+    """The palette, then the same again in darker tones."""
+    red, green, blue = PALETTE[index % len(PALETTE)]
+    tone = 0.6 ** (index // len(PALETTE) % 3)
+    return round(red * tone, 3), round(green * tone, 3), round(blue * tone, 3)
 
 
 def _four_weights(weights: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
