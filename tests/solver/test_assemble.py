@@ -114,10 +114,10 @@ def test_directions_are_made_unit_vectors_of_the_same_plane() -> None:
     np.testing.assert_allclose(meta.ground.normal, [0, -1, 0], atol=1e-12)
 
 
-def test_colours_differ_until_they_run_out() -> None:
-    people = assemble(len(PALETTE) + 1)[0].people
-    assert len({person.colour for person in people}) == len(PALETTE)
-    assert people[-1].colour == people[0].colour
+def test_colours_differ_in_a_crowd() -> None:
+    people = assemble(3 * len(PALETTE))[0].people
+    assert len({person.colour for person in people}) == 3 * len(PALETTE)
+    assert [person.colour for person in people[: len(PALETTE)]] == list(PALETTE)
 
 
 @given(hnp.arrays(float, (6, 24), elements=st.floats(0, 1)))
