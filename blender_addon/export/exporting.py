@@ -46,7 +46,7 @@ def export_objects(context: bpy.types.Context, objects: Sequence[bpy.types.Objec
             part.replace(path)
     except (OSError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error).strip().splitlines()[-1]
-        raise ExportError(f"cannot write {path}: {reason}") from error
+        raise ExportError(f"cannot write {path}: {reason}; free some space or choose another place") from error
 
 
 def writer_of(path: Path) -> Writer:
