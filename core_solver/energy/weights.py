@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+ROOT_ACCELERATION = 4.0  # m/s^2, of a pelvis in lively motion
+
 
 @dataclass(frozen=True)
 class Weights:
@@ -49,7 +51,7 @@ class Weights:
     speed: float = 0.02
     speed_sigma: float = 1.0
     acceleration: float = 1.0
-    acceleration_sigma: float = 4.0
+    acceleration_sigma: float = ROOT_ACCELERATION
     depth: float = 1.0
     depth_sigma: float = 0.25
     contact: float = 1.0

@@ -14,12 +14,13 @@ from core_solver.body.skeleton import KEYPOINT_NAMES, joint_index
 from core_solver.camera import Camera
 from core_solver.energy import terms
 from core_solver.energy.kernels import charbonnier
+from core_solver.energy.weights import ROOT_ACCELERATION
 from core_solver.optimise.descent import descend
 from core_solver.optimise.evidence import Evidence
 from core_solver.optimise.limb_pose import limb_pose
 from core_solver.optimise.placement import place
 from core_solver.optimise.posing import TorchBody, pose
-from core_solver.optimise.root_motion import ROOT_ACCELERATION, smooth_depths
+from core_solver.optimise.root_motion import smooth_depths
 
 Array = NDArray[np.float64]
 

@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
+from core_solver.energy.weights import ROOT_ACCELERATION
+
 Array = NDArray[np.float64]
 
-ROOT_ACCELERATION = 4.0  # m/s^2, of a pelvis in lively motion
 _LOG_DEPTH_SIGMA = 0.04  # of one frame's depth from the size of a skeleton
 _PASSES = 4
 

@@ -21,7 +21,6 @@ from core_solver.perception.multipose import COCO_COUNT, Pose, person_size
 Floats = NDArray[np.float32]
 Image = NDArray[np.uint8]
 
-LANDMARK_COUNT = 33
 _ALL_LANDMARKS = 39  # the 33, then mid-hips, circle point, and four that serve no purpose here
 _MID_HIPS, _CIRCLE_POINT = 33, 34
 _CROP = 256  # pixels

@@ -60,6 +60,10 @@ TERMS = {
         lambda x: terms.contact(x, PROBABILITY, REACH, 0.02),
         torch.zeros(PEOPLE, FRAMES, 2, dtype=torch.float64),
     ),
+    "penetration": (
+        lambda x: terms.penetration(x, WEIGHT, REACH),
+        torch.zeros(PEOPLE, FRAMES, 2, dtype=torch.float64),
+    ),
     "slip": (
         lambda x: terms.slip(x, PROBABILITY, uneven_seconds(), 0.1),
         normal(PEOPLE, 1, 2, 6, 3).expand(-1, FRAMES, -1, -1, -1),
@@ -270,3 +274,21 @@ def test_people_do_not_touch_each_other(name):
     gradient = pull(energy, away)
     assert (gradient[0] == 0).all() or gradient[0].abs().max() < 1e-9
     assert (gradient[1] != 0).any()
+
+
+def test_penetration_by_hand_counts_only_what_is_below_the_ground():
+    heights = torch.tensor([[[0.3, 0.0], [-0.2, -0.4], [-0.2, 0.0]]], dtype=torch.float64)
+    weight = torch.tensor([[1.0, 1.0, 0.0]], dtype=torch.float64)
+    reach = torch.full((1, 3), 0.2, dtype=torch.float64)
+    # One deviation costs a half, two cost four fifths; a frame without evidence costs nothing.
+    assert terms.penetration(heights, weight, reach).item() == pytest.approx(0.5 + 0.8)
+
+
+def test_penetration_lifts_a_sunken_sole_and_lets_go_where_the_ground_must_be_wrong():
+    weight, reach = torch.ones(1, 1, dtype=torch.float64), torch.full((1, 1), 0.2, dtype=torch.float64)
+    heights = torch.tensor([[[-0.1, 0.1]]], dtype=torch.float64)
+    gradient = pull(lambda x: terms.penetration(x, weight, reach), heights)
+    assert gradient[0, 0, 0] < 0  # descent raises the sole that is below
+    assert gradient[0, 0, 1] == 0
+    far = pull(lambda x: terms.penetration(x, weight, reach), heights * 50)
+    assert abs(far[0, 0, 0]) < 0.01 * abs(gradient[0, 0, 0])

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from core_solver.optimise.root_motion import ROOT_ACCELERATION, smooth_depths
+from core_solver.energy.weights import ROOT_ACCELERATION
+from core_solver.optimise.root_motion import smooth_depths
 
 RATE = 25.0
 TIMES = np.arange(100) / RATE
