@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from core_solver.assemble import Provenance, assemble_take
 from core_solver.body import load_body
 from core_solver.camera import DEFAULT_FOV_DEGREES, Camera, camera_from_fov, read_camera
-from core_solver.energy.weights import Weights
 from core_solver.errors import CameraError, UserError, VideoError
+from core_solver.optimise.presets import PRESETS
 from core_solver.optimise.solve import Solution, solve
 from core_solver.perception.cache import observe
 from core_solver.perception.perceive import Networks, label_size, load_networks
@@ -28,7 +28,6 @@ from core_solver.video import VideoClip, camera_motion, open_video
 
 GROUND_PLANE_PRIOR = "ground-plane prior"
 CLOUD_POINTS = 200_000
-PRESETS = {"fast": Weights()}
 
 _PRIOR_GRID = 320  # longer side of the depth map of the ground-plane prior
 _PICTURES = 25  # frames whose median gives the background's colours

@@ -62,3 +62,11 @@ class Weights:
     temporal: float = 1.0
     temporal_sigma: float = 0.4
     effective_samples: float = 4.0
+
+    @staticmethod
+    def terms() -> tuple[str, ...]:
+        """Names of the weights that switch a term; the other fields are deviations and means."""
+        return (
+            "joints", "smpl", "betas", "height", "speed", "acceleration", "depth", "contact", "penetration", "slip",
+            "temporal",
+        )  # fmt: skip

@@ -16,6 +16,7 @@ from core_solver.optimise.evidence import Evidence, gather_evidence
 from core_solver.optimise.one_euro import one_euro_zero_phase
 from core_solver.optimise.pose_fit import PoseFit, fit_poses
 from core_solver.optimise.posing import TorchBody, torch_body
+from core_solver.optimise.presets import Preset
 from core_solver.optimise.scale_ground import ScaleGround, ScaleProblem, fit_scale_ground
 from core_solver.optimise.stages import JointEnergy, Points, Variables, pose_points, run_stage, start_variables
 from core_solver.progress import Progress
@@ -69,7 +70,7 @@ class Solution:
 
 
 def solve(
-    modalities: Modalities, camera: Camera, body: BodyModel, progress: Progress, weights: Weights, device: str = "cpu"
+    modalities: Modalities, camera: Camera, body: BodyModel, progress: Progress, preset: Preset, device: str = "cpu"
 ) -> Solution:
     """Solve all people and the scene of a clip.
 
@@ -78,9 +79,10 @@ def solve(
         camera: intrinsics of the footage.
         body: body model.
         progress: shows the stages.
-        weights: of the energies.
+        preset: what is minimised and how.
         device: "cpu" or "cuda".
     """
+    weights = preset.weights
     evidence = gather_evidence(modalities, camera)
     solver_body = torch_body(body, torch.as_tensor(sole_rows(body)), torch.device(device))
     with progress.stage("Fit poses", pose_fit.ITERATIONS) as advance:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from core_solver.energy.weights import Weights
+from core_solver.optimise.presets import PRESETS
 from core_solver.optimise.solve import Solution, solve
 from core_solver.progress import SilentProgress
 from tests.solver.body.synthetic import make_stick_body
@@ -57,4 +57,4 @@ def hide(track, frames):
 
 @pytest.fixture(scope="session")
 def couple_solved(couple, body) -> Solution:
-    return solve(couple.modalities, couple.camera, body, SilentProgress(), Weights())
+    return solve(couple.modalities, couple.camera, body, SilentProgress(), PRESETS["fast"])

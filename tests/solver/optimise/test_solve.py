@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from core_solver.camera import Camera
-from core_solver.energy.weights import Weights
 from core_solver.optimise import pose_fit, stages
+from core_solver.optimise.presets import PRESETS
 from core_solver.optimise.solve import Solution, solve
 from core_solver.progress import SilentProgress
 from core_solver.tracking.tracks import Modalities
@@ -25,7 +25,7 @@ def quick(monkeypatch):
 
 
 def run(modalities: Modalities, clip: SyntheticClip, body) -> Solution:
-    return solve(modalities, clip.camera, body, SilentProgress(), Weights())
+    return solve(modalities, clip.camera, body, SilentProgress(), PRESETS["fast"])
 
 
 def valid_frames(clip: SyntheticClip) -> np.ndarray:
@@ -291,7 +291,7 @@ def test_each_stage_is_shown_with_its_steps(quick, body):
             return opened()
 
     clip, progress = make_clip(body, [Walker(1.0, (-1, 5), 0.5)], frames=3), Steps()
-    solve(clip.modalities, clip.camera, body, progress, Weights())
+    solve(clip.modalities, clip.camera, body, progress, PRESETS["fast"])
     assert len(progress.seen) == 3
     for done, total in progress.seen.values():
         assert done == total > 0
