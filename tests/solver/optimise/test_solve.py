@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from core_solver.camera import Camera
+from core_solver.energy.weights import Weights
 from core_solver.optimise import pose_fit, stages
 from core_solver.optimise.presets import PRESETS
 from core_solver.optimise.solve import Solution, solve
