@@ -31,9 +31,9 @@ def choose_proxy(template: Array, weights: Array, count: int = _COUNT) -> NDArra
         chosen += foot[np.argsort(template[foot, 1], kind="stable")[:_SOLE_COUNT]].tolist()
         hand = _carried_by(weights, f"{side}_wrist", f"{side}_hand")
         chosen += hand[
-            _farthest_points(template[hand], [int(np.argmax(np.abs(template[hand, 0])))], _HAND_COUNT)
+            farthest_points(template[hand], [int(np.argmax(np.abs(template[hand, 0])))], _HAND_COUNT)
         ].tolist()
-    return np.sort(_farthest_points(template, chosen, count)).astype(np.int32)
+    return np.sort(farthest_points(template, chosen, count)).astype(np.int32)
 
 
 def _carried_by(weights: Array, *joints: str) -> NDArray[np.int64]:
@@ -41,7 +41,7 @@ def _carried_by(weights: Array, *joints: str) -> NDArray[np.int64]:
     return np.flatnonzero(share > 0.5)
 
 
-def _farthest_points(points: Array, chosen: list[int], count: int) -> NDArray[np.int64]:
+def farthest_points(points: Array, chosen: list[int], count: int) -> NDArray[np.int64]:
     """Extend `chosen` to `count` indices, each new one the farthest from those before."""
     indices = list(chosen)
     distance = np.min([np.sum((points - points[i]) ** 2, axis=1) for i in indices], axis=0)

@@ -153,3 +153,17 @@ def temporal(vertices: Tensor, filtered: Tensor, seconds: Tensor, sigma: float) 
     difference = vertices - filtered
     velocity = (difference[:, 1:] - difference[:, :-1]) / (sigma * seconds[:, None, None])
     return (velocity**2).sum() / vertices.shape[2]
+
+
+def silhouette(along: Tensor, target: Tensor, weight: Tensor, sigma: Tensor) -> Tensor:
+    """Distance between the contours of body and mask (paper E_silhouette in its Gauss-Newton form), robust.
+
+    The area in which silhouette and mask disagree is the L1 norm of the distance of their contours.
+
+    Args:
+        along: (N, T, S) coordinate in pixels of contour samples, each along its own image axis.
+        target: (N, T, S) where the mask's edge is on the same axis.
+        weight: (N, T, S) share of the contour, sums to at most 1; 0 where there is no evidence.
+        sigma: (N, T) pixels, deviation of a mask's edge.
+    """
+    return (weight * charbonnier(((along - target) / sigma[..., None]) ** 2)).sum()

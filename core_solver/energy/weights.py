@@ -1,5 +1,6 @@
 """Weights of all terms. Every robust term is a negative log-likelihood: residuals are divided by their deviation."""
 
+import math
 from dataclasses import dataclass
 
 ROOT_ACCELERATION = 4.0  # m/s^2, of a pelvis in lively motion
@@ -28,6 +29,8 @@ class Weights:
         acceleration_sigma: metres of an average body a second squared.
         depth: body depth against the depth map.
         depth_sigma: deviation of log depth of the network.
+        silhouette: contour of the body on the edge of its mask, as strong as this many independent samples a frame.
+        silhouette_sigma: deviation of a mask's edge, in person sizes.
         contact: soles on the ground while they are in contact.
         contact_sigma: metres.
         penetration: no sole below the ground.
@@ -35,6 +38,9 @@ class Weights:
         slip_sigma: metres a second.
         temporal: vertices move as their filtered selves.
         temporal_sigma: metres a second.
+        tilt_sigma: radians by which the ground may still tilt about the first fit.
+        offset_sigma: log of the ratio by which its distance may still change.
+        focal_sigma: log of the ratio by which the focal length may be wrong; 0 where it is known.
         effective_samples: how many independent measurements a clip's frames amount to for errors that persist, such
             as those of a depth network: it balances them against priors that hold once for each person.
     """
@@ -54,6 +60,8 @@ class Weights:
     acceleration_sigma: float = ROOT_ACCELERATION
     depth: float = 1.0
     depth_sigma: float = 0.25
+    silhouette: float = 6.0
+    silhouette_sigma: float = 0.02
     contact: float = 1.0
     contact_sigma: float = 0.02
     penetration: float = 4.0
@@ -61,12 +69,15 @@ class Weights:
     slip_sigma: float = 0.1
     temporal: float = 1.0
     temporal_sigma: float = 0.4
+    tilt_sigma: float = math.radians(1.0)
+    offset_sigma: float = 0.02
+    focal_sigma: float = 0.0
     effective_samples: float = 4.0
 
     @staticmethod
     def terms() -> tuple[str, ...]:
         """Names of the weights that switch a term; the other fields are deviations and means."""
         return (
-            "joints", "smpl", "betas", "height", "speed", "acceleration", "depth", "contact", "penetration", "slip",
-            "temporal",
+            "joints", "smpl", "betas", "height", "speed", "acceleration", "depth", "silhouette", "contact",
+            "penetration", "slip", "temporal",
         )  # fmt: skip

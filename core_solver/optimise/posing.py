@@ -9,6 +9,11 @@ from torch import Tensor
 
 from core_solver.body.kinematics_torch import pose_joints
 from core_solver.body.model import BodyModel
+from core_solver.body.proxy import farthest_points
+from core_solver.body.skeleton import joint_index
+
+_SOLE_POINTS = 4  # of each foot that the solver follows: heel, toe and both sides
+_SOLE_THICKNESS_M = 0.03
 
 
 @dataclass(frozen=True)
@@ -37,29 +42,65 @@ class TorchBody:
     Attributes:
         joints: the 24 joints; their weights are unused.
         keypoints: the 25 image keypoints.
-        proxy: vertices for vertex terms.
-        soles: rows of `proxy` under the left and the right foot, (2, S).
+        proxy: vertices spread over the body.
+        soles: first S points under the left foot, then S under the right.
+        surface: the vertices of `faces`.
+        faces: (F, 3) int32, on the CPU: triangles for the raster terms.
     """
 
     joints: PointSet
     keypoints: PointSet
     proxy: PointSet
-    soles: Tensor
+    soles: PointSet
+    surface: PointSet
+    faces: NDArray[np.int32]
 
 
-def torch_body(body: BodyModel, soles: Tensor, device: torch.device, dtype: torch.dtype = torch.float32) -> TorchBody:
-    """The solver's view of a body model on a device."""
+def torch_body(
+    body: BodyModel,
+    device: torch.device,
+    dtype: torch.dtype = torch.float32,
+    surface: tuple[NDArray[np.integer], NDArray[np.int32]] | None = None,
+) -> TorchBody:
+    """The solver's view of a body model on a device.
+
+    Args:
+        body: the body model.
+        device: where the tensors lie.
+        dtype: of the tensors.
+        surface: vertices and triangles among them for the raster terms; the whole body if not given.
+    """
 
     def points(*arrays: NDArray[np.float64]) -> PointSet:
         return PointSet(*(torch.as_tensor(array, dtype=dtype, device=device) for array in arrays))
 
-    keep = body.proxy
+    def vertices(rows: NDArray[np.integer]) -> PointSet:
+        return points(body.template[rows], body.shape_directions[rows], body.weights[rows])
+
+    rows, faces = surface or (np.arange(len(body.template)), body.faces)
     return TorchBody(
         joints=points(body.joint_template, body.joint_directions, np.eye(24)),
         keypoints=points(body.keypoint_template, body.keypoint_directions, body.keypoint_weights),
-        proxy=points(body.template[keep], body.shape_directions[keep], body.weights[keep]),
-        soles=soles.to(device),
+        proxy=vertices(body.proxy),
+        soles=vertices(body.proxy[sole_rows(body, _SOLE_POINTS)].ravel()),
+        surface=vertices(rows),
+        faces=np.ascontiguousarray(faces, np.int32),
     )
+
+
+def sole_rows(body: BodyModel, most: int = 16) -> NDArray[np.int64]:
+    """Rows of `body.proxy` under the left and the right foot, (2, S), the same number on both sides, spread evenly."""
+    rest = body.rest_vertices(body.neutral_betas)[body.proxy]
+    weights = body.weights[body.proxy]
+    low = rest[:, 1] < rest[:, 1].min() + _SOLE_THICKNESS_M
+    sides = []
+    for side in ("left", "right"):
+        feet = weights[:, [joint_index(f"{side}_ankle"), joint_index(f"{side}_foot")]].sum(axis=1) > 0.5
+        sides.append(np.flatnonzero(low & feet))
+    count = min(most, *(len(rows) for rows in sides))
+    if count == 0:
+        raise ValueError("the body's proxy has no vertices under the feet")
+    return np.stack([rows[farthest_points(rest[rows], [int(rest[rows, 2].argmin())], count)] for rows in sides])
 
 
 @dataclass(frozen=True)
@@ -76,15 +117,24 @@ class Posed:
     positions: Tensor
     rest_joints: Tensor
 
+    @property
+    def offsets(self) -> Tensor:
+        """(N, T, 24, 3) joint j carries a rest point v to R_j v + offset_j."""
+        return self.positions - (self.rotations @ self.rest_joints[:, None, :, :, None])[..., 0]
+
+    def skin_each(self, rest: Tensor, weights: Tensor) -> Tensor:
+        """Posed points (N, T, P, 3) of other rest points (N, T, P, 3) and weights (N, T, P, 24) in every frame."""
+        turns = (weights @ self.rotations.flatten(3)).unflatten(-1, (3, 3))
+        return (turns @ rest[..., None])[..., 0] + weights @ self.offsets
+
     def skin(self, points: PointSet, betas: Tensor) -> Tensor:
         """Posed points (N, T, P, 3), metres: one matrix product a person for the whole clip."""
         rest = points.rest(betas)
         people, frames = self.positions.shape[:2]
-        offsets = self.positions - (self.rotations @ self.rest_joints[:, None, :, :, None])[..., 0]
         # sum_j w_j (R_j v + o_j) = [w_j v, w_j] . [R_j^T; o_j]: coefficients (P, 96) serve all frames of a person.
         turned = (points.weights[:, :, None] * rest[:, :, None, :]).flatten(-2)
         coefficients = torch.cat([turned, points.weights.expand(people, -1, -1)], dim=-1)
-        columns = torch.cat([self.rotations.transpose(-1, -2).flatten(2, 3), offsets], dim=-2)
+        columns = torch.cat([self.rotations.transpose(-1, -2).flatten(2, 3), self.offsets], dim=-2)
         flat = columns.transpose(-1, -2).reshape(people, frames * 3, -1) @ coefficients.transpose(-1, -2)
         return flat.reshape(people, frames, 3, -1).transpose(-1, -2)
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from core_solver.energy.weights import Weights
+from core_solver.optimise.second_order import Schedule
 
 
 @dataclass(frozen=True)
@@ -12,10 +13,14 @@ class Preset:
     Attributes:
         name: for the command line and the take.
         weights: of the energies.
+        stage_one: scale and depth.
+        stage_two: space and time.
     """
 
     name: str
     weights: Weights
+    stage_one: Schedule
+    stage_two: Schedule
 
     def without(self, *terms: str) -> "Preset":
         """The same with these terms switched off; a term is named as its weight is.
@@ -29,4 +34,4 @@ class Preset:
         return replace(self, weights=replace(self.weights, **dict.fromkeys(terms, 0.0)))
 
 
-PRESETS = {preset.name: preset for preset in (Preset("fast", Weights()),)}
+PRESETS = {preset.name: preset for preset in (Preset("fast", Weights(), Schedule(6, 1e-3), Schedule(12, 1e-3)),)}

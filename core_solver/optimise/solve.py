@@ -1,24 +1,29 @@
 """Modalities in, solution out: pose fit, scale and ground, stage I, stage II."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from core_solver.body.model import BodyModel
 from core_solver.body.skeleton import JOINT_NAMES, joint_index, keypoint_index
 from core_solver.camera import Camera
 from core_solver.energy.weights import Weights
 from core_solver.geometry import GroundFrame
-from core_solver.optimise import pose_fit, stages
+from core_solver.optimise import pose_fit
 from core_solver.optimise.evidence import Evidence, gather_evidence
+from core_solver.optimise.joint_energy import JointEnergy, given_evidence
+from core_solver.optimise.looking import Onlooker, foot_heights
 from core_solver.optimise.one_euro import one_euro_zero_phase
 from core_solver.optimise.pose_fit import PoseFit, fit_poses
-from core_solver.optimise.posing import TorchBody, torch_body
+from core_solver.optimise.posing import TorchBody, pose, sole_rows, torch_body
 from core_solver.optimise.presets import Preset
 from core_solver.optimise.scale_ground import ScaleGround, ScaleProblem, fit_scale_ground
-from core_solver.optimise.stages import JointEnergy, Points, Variables, pose_points, run_stage, start_variables
+from core_solver.optimise.second_order import minimise
+from core_solver.optimise.variables import Variables, pose_points, start_variables
 from core_solver.progress import Progress
 from core_solver.scene.contacts import contact_probability, still_feet
 from core_solver.scene.sampling import sample_bodies, sample_floor
@@ -82,41 +87,35 @@ def solve(
         preset: what is minimised and how.
         device: "cpu" or "cuda".
     """
-    weights = preset.weights
     evidence = gather_evidence(modalities, camera)
-    solver_body = torch_body(body, torch.as_tensor(sole_rows(body)), torch.device(device))
+    solver_body = torch_body(body, torch.device(device))
     with progress.stage("Fit poses", pose_fit.ITERATIONS) as advance:
         fit = fit_poses(evidence, body, solver_body, camera, advance)
     still = still_feet(evidence.pixels, evidence.confidence, evidence.size, evidence.times)
-    ground = _first_scales(fit, evidence, still, modalities, camera, body, solver_body, weights)
+    ground = _first_scales(fit, evidence, still, modalities, camera, body, solver_body, preset.weights)
+    given = given_evidence(evidence, fit, ground, camera, body, solver_body, preset.weights)
+    energy = JointEnergy(given, solver_body, preset.weights)
+    onlooker = Onlooker(modalities, camera, evidence, still, ground.levels)
     variables = start_variables(fit, ground, solver_body)
-    heights = np.array([body.height(b) for b in fit.betas])
-    energy = JointEnergy(evidence, fit, ground, camera, solver_body, heights, weights)
-    _refresh(energy, variables, evidence, still, modalities, camera, solver_body)
-    with progress.stage("Solve scale and depth", stages.STAGE_ONE_ITERATIONS) as advance:
-        run_stage(variables, energy.stage_one, stages.STAGE_ONE_ITERATIONS, advance)
-    points = _refresh(energy, variables, evidence, still, modalities, camera, solver_body)
-    proxy = points.proxy.cpu().double().numpy()
-    energy.set_filtered(np.stack([one_euro_zero_phase(p, evidence.times) for p in proxy]))
-    with progress.stage("Solve space and time", stages.STAGE_TWO_ITERATIONS) as advance:
-        run_stage(variables, energy.stage_two, stages.STAGE_TWO_ITERATIONS, advance)
-    return _solution(variables, energy, evidence, still, ground, solver_body)
+
+    def look(_iteration: int, v: Variables) -> None:
+        onlooker.look(energy, v)
+
+    energy.look(filtered=_filtered_keypoints(energy, variables, evidence.times))
+    with progress.stage("Solve scale and depth", preset.stage_one.iterations) as advance:
+        variables = minimise(energy, variables, preset.stage_one, look, advance)
+    energy.look(filtered=_filtered_keypoints(energy, variables, evidence.times))
+    with progress.stage("Solve space and time", preset.stage_two.iterations) as advance:
+        variables = minimise(energy, variables, preset.stage_two, look, advance)
+    return _solution(variables, energy, evidence, still, ground)
 
 
-def sole_rows(body: BodyModel, most: int = 16) -> NDArray[np.int64]:
-    """Rows of `body.proxy` under the left and the right foot, (2, S), the same number on both sides."""
-    rest = body.rest_vertices(body.neutral_betas)[body.proxy]
-    weights = body.weights[body.proxy]
-    low = rest[:, 1] < rest[:, 1].min() + 0.03
-    sides = []
-    for side in ("left", "right"):
-        feet = weights[:, [joint_index(f"{side}_ankle"), joint_index(f"{side}_foot")]].sum(axis=1) > 0.5
-        sides.append(np.flatnonzero(low & feet))
-    count = min(most, *(len(rows) for rows in sides))
-    if count == 0:
-        raise ValueError("the body's proxy has no vertices under the feet")
-    spread = [rows[np.linspace(0, len(rows) - 1, count).astype(int)] for rows in sides]
-    return np.stack(spread)
+def _filtered_keypoints(energy: JointEnergy, v: Variables, times: Array) -> Tensor:
+    """(N, T, 25, 3) at unit scale: what velocities follow in stage II."""
+    with torch.no_grad():
+        points = pose(v.theta, v.betas, energy.body).skin(energy.body.keypoints, v.betas) + v.translation[:, :, None]
+    filtered = np.stack([one_euro_zero_phase(p, times) for p in points.cpu().double().numpy()])
+    return torch.as_tensor(filtered, dtype=points.dtype, device=points.device)
 
 
 def _first_scales(
@@ -128,7 +127,7 @@ def _first_scales(
         points = pose_points(start_variables(fit, unit, solver_body), solver_body)
     proxy = points.proxy.cpu().double().numpy()
     joints = points.joints.cpu().double().numpy()
-    soles = proxy[:, :, solver_body.soles.cpu().numpy()].mean(axis=3)
+    soles = proxy[:, :, sole_rows(body)].mean(axis=3)
     planted = still * evidence.valid[..., None]
     depth = sample_bodies(proxy, evidence.valid, modalities, camera)
     visible = np.maximum(depth.visible.sum(axis=-1), 1)
@@ -169,32 +168,16 @@ def _balance(joints: Array, soles: Array, planted: Array) -> Array:
     return directions
 
 
-def _refresh(
-    energy: JointEnergy, variables: Variables, evidence: Evidence, still: Array, modalities: Modalities, camera: Camera,
-    body: TorchBody,
-) -> Points:  # fmt: skip
-    """Look again at what depends on where people stand: visible vertices and contacts."""
-    with torch.no_grad():
-        points = pose_points(variables, body)
-        heights = energy.sole_heights(points.proxy).cpu().double().numpy()
-    proxy = points.proxy.cpu().double().numpy()
-    if modalities.disparity is not None:
-        energy.set_depth(sample_bodies(proxy, evidence.valid, modalities, camera))
-    contacts = contact_probability(heights, still, points.joints[:, :, 0, 2].cpu().double().numpy())
-    energy.set_contacts(contacts * evidence.valid[..., None])
-    return points
-
-
 def _solution(
-    variables: Variables, energy: JointEnergy, evidence: Evidence, still: Array, ground: ScaleGround, body: TorchBody
+    variables: Variables, energy: JointEnergy, evidence: Evidence, still: Array, ground: ScaleGround
 ) -> Solution:
-    with torch.no_grad():
-        points = pose_points(variables, body)
-        heights = energy.sole_heights(points.proxy).cpu().double().numpy()
-    contacts = contact_probability(heights, still, points.joints[:, :, 0, 2].cpu().double().numpy())
+    heights, distance = foot_heights(energy, variables)
+    heights = heights - ground.levels[:, None, None]
+    contacts = contact_probability(heights, still, distance)
     settled = heights[(contacts > 0.5) & evidence.valid[..., None]]
     # The plane takes its final height from the soles that stand on it.
-    offset = ground.offset - (float(np.median(settled)) if len(settled) else 0.0)
+    offset = ground.offset * math.exp(float(variables.ground[2])) - (float(np.median(settled)) if len(settled) else 0.0)
+    up = energy.up(variables).cpu().double().numpy()
     scales = torch.exp(variables.log_scale).cpu().double().numpy()
     return Solution(
         theta=variables.theta.cpu().double().numpy(),
@@ -205,7 +188,7 @@ def _solution(
         contacts=contacts,
         inverse_far=np.exp(variables.log_inverse_far.cpu().double().numpy()),
         inverse_gap=np.exp(variables.log_inverse_gap.cpu().double().numpy()),
-        ground=GroundFrame(-ground.up, ground.up, offset),
+        ground=GroundFrame(-up, up, offset),
     )
 
 
