@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from core_solver import __version__
 from core_solver.body import BodyModel
 from core_solver.camera import Camera
-from core_solver.optimise.solve import Solution
+from core_solver.optimise.solution import Solution
 from core_solver.take import Ground, Meta, Person, Scene, Take
 from core_solver.tracking.tracks import Modalities, Track
 from core_solver.video import VideoClip

@@ -16,7 +16,8 @@ from core_solver.body import load_body
 from core_solver.camera import DEFAULT_FOV_DEGREES, Camera, camera_from_fov, read_camera
 from core_solver.errors import CameraError, UserError, VideoError
 from core_solver.optimise.presets import PRESETS
-from core_solver.optimise.solve import Solution, solve
+from core_solver.optimise.solution import Solution
+from core_solver.optimise.solve import solve
 from core_solver.perception.cache import observe
 from core_solver.perception.perceive import Networks, label_size, load_networks
 from core_solver.perception.store import ModelStore
@@ -55,6 +56,7 @@ class SolveOptions:
         preset: name in `PRESETS`.
         resume: continue from what an earlier run has kept.
         seed: recorded; the solve draws no random numbers.
+        points: of the scene's cloud, at most.
     """
 
     video: Path
@@ -72,6 +74,7 @@ class SolveOptions:
     preset: str = "fast"
     resume: bool = False
     seed: int = 0
+    points: int = CLOUD_POINTS
 
 
 def solve_video(options: SolveOptions, progress: Progress) -> Take:
@@ -96,7 +99,7 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
     with single_thread():
         solution = solve(modalities, camera, body, progress, PRESETS[options.preset], device)
     with progress.stage("Build the scene", 1) as advance:
-        scene = build_scene(modalities, solution, camera, clip)
+        scene = build_scene(modalities, solution, camera, clip, options.points)
         advance(1)
     provenance = Provenance(depth_source, options.preset, _settings(options), warnings)
     take = assemble_take(modalities, solution, camera, body, clip, scene, provenance)
@@ -171,7 +174,9 @@ def single_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def build_scene(modalities: Modalities, solution: Solution, camera: Camera, clip: VideoClip) -> Scene:
+def build_scene(
+    modalities: Modalities, solution: Solution, camera: Camera, clip: VideoClip, most_points: int = CLOUD_POINTS
+) -> Scene:
     """Static depth map and coloured cloud: from the network's disparity, else from the ground-plane prior."""
     inverse_far, inverse_gap = solution.inverse_far, solution.inverse_gap
     if modalities.disparity is not None:
@@ -181,7 +186,7 @@ def build_scene(modalities: Modalities, solution: Solution, camera: Camera, clip
         depth = aggregate.ground_depth(camera, solution.ground, _prior_grid(clip), farthest)
         inverse_far, inverse_gap = _depth_range(depth, len(modalities.times))
     picture = _background_picture(clip, modalities, (depth.shape[1], depth.shape[0]))
-    points, colours = aggregate.cloud(depth, picture, camera, CLOUD_POINTS)
+    points, colours = aggregate.cloud(depth, picture, camera, most_points)
     return Scene(
         points,
         colours,
@@ -255,5 +260,5 @@ def _settings(options: SolveOptions) -> dict[str, str | float | int | bool | Non
     """What was asked for, without paths: a take does not tell where its maker keeps things."""
     return {
         "start_s": options.start_s, "end_s": options.end_s, "every": options.every, "people": options.people,
-        "seed": options.seed, "device": options.device,
+        "points": options.points, "seed": options.seed, "device": options.device,
     }  # fmt: skip

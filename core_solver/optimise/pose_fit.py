@@ -64,6 +64,8 @@ def fit_poses(
     solver_body: TorchBody,
     camera: Camera,
     advance: Callable[[int], None] = lambda _steps: None,
+    *,
+    smooth: bool = True,
 ) -> PoseFit:
     """Fit all frames of all people at once.
 
@@ -73,6 +75,7 @@ def fit_poses(
         solver_body: the same in torch; its device is used.
         camera: intrinsics; pixels of `evidence` are undistorted.
         advance: told after each of `ITERATIONS` steps.
+        smooth: frames know of each other; without it each is fitted alone, as a per-frame regressor would.
     """
     people = len(evidence.valid)
     betas = np.tile(body.neutral_betas, (people, 1))
@@ -84,10 +87,10 @@ def fit_poses(
         return torch.as_tensor(np.array(values), dtype=like.dtype, device=like.device)
 
     theta, fixed_betas = tensor(first), tensor(betas)
-    problem = _Problem(evidence, camera, solver_body, fixed_betas, tensor)
+    problem = _Problem(evidence, camera, solver_body, fixed_betas, tensor, smooth=smooth)
     with torch.no_grad():
         points = problem.keypoints(theta).cpu().double().numpy()
-    translation = tensor(place_clip(points, evidence, camera))
+    translation = tensor(place_clip(points, evidence, camera, smooth=smooth))
 
     def energy(_iteration: int) -> Tensor:
         return problem.energy(theta, translation)
@@ -96,7 +99,7 @@ def fit_poses(
     return PoseFit(theta.cpu().double().numpy(), translation.cpu().double().numpy(), betas)
 
 
-def place_clip(points: Array, evidence: Evidence, camera: Camera) -> Array:
+def place_clip(points: Array, evidence: Evidence, camera: Camera, *, smooth: bool = True) -> Array:
     """Closed-form translations (N, T, 3) of posed keypoints (N, T, 25, 3), with depths smoothed along the clip."""
     rays = (evidence.pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
     translations, good = place(points, rays, evidence.confidence)
@@ -113,7 +116,7 @@ def place_clip(points: Array, evidence: Evidence, camera: Camera) -> Array:
         for axis in range(3):
             body[:, axis] = np.interp(frames, known, body[known, axis])
         # Keypoints fix the viewing ray well and the depth along it badly.
-        depths = smooth_depths(body[:, 2], good[person], evidence.times)
+        depths = smooth_depths(body[:, 2], good[person], evidence.times) if smooth else body[:, 2].copy()
         translations[person] = body * (depths / body[:, 2])[:, None] - centres[person]
     return translations
 
@@ -122,9 +125,10 @@ class _Problem:
     """The pose fit's energy with its constants on the device."""
 
     def __init__(
-        self, evidence: Evidence, camera: Camera, body: TorchBody, betas: Tensor, tensor: Callable[[Array], Tensor]
-    ) -> None:
-        self._body, self._betas = body, betas
+        self, evidence: Evidence, camera: Camera, body: TorchBody, betas: Tensor, tensor: Callable[[Array], Tensor],
+        *, smooth: bool,
+    ) -> None:  # fmt: skip
+        self._body, self._betas, self._smooth = body, betas, smooth
         self._focal, self._centre = tensor(np.array([camera.fx, camera.fy])), tensor(np.array([camera.cx, camera.cy]))
         self._pixels, self._confidence = tensor(evidence.pixels), tensor(evidence.confidence)
         self._size, self._seconds = tensor(evidence.size), tensor(evidence.seconds)
@@ -175,7 +179,7 @@ class _Problem:
         return ((beyond / _LIMIT_SIGMA) ** 2).sum() + (self._quiet[:, None] * theta**2).sum()
 
     def _smoothness_term(self, points: Tensor) -> Tensor:
-        if points.shape[1] < 3:
+        if points.shape[1] < 3 or not self._smooth:
             return points.sum() * 0
         velocity = (points[:, 1:] - points[:, :-1]) / self._seconds[:, None, None]
         middle = 0.5 * (self._seconds[1:] + self._seconds[:-1])
@@ -183,6 +187,6 @@ class _Problem:
         return charbonnier(((acceleration / _ACCELERATION_SIGMA) ** 2).sum(-1)).sum()
 
     def _root_term(self, translation: Tensor) -> Tensor:
-        if translation.shape[1] < 3:
+        if translation.shape[1] < 3 or not self._smooth:
             return translation.sum() * 0
         return terms.acceleration(translation, self._seconds, ROOT_ACCELERATION)

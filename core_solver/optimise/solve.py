@@ -1,7 +1,6 @@
 """Modalities in, solution out: pose fit, scale and ground, stage I, stage II."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -23,6 +22,7 @@ from core_solver.optimise.posing import TorchBody, pose, sole_rows, torch_body
 from core_solver.optimise.presets import Preset
 from core_solver.optimise.scale_ground import ScaleGround, ScaleProblem, fit_scale_ground
 from core_solver.optimise.second_order import minimise
+from core_solver.optimise.solution import Solution
 from core_solver.optimise.variables import Variables, pose_points, start_variables
 from core_solver.progress import Progress
 from core_solver.scene.contacts import contact_probability, still_feet
@@ -47,33 +47,6 @@ _WITNESSES = {
 _TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 
 
-@dataclass(frozen=True)
-class Solution:
-    """All people and the depth range, camera frame, metres.
-
-    Attributes:
-        theta: (N, T, 24, 3) radians.
-        gamma: (N, T, 3) translation, scale included.
-        betas: (N, 10).
-        scales: (N,).
-        confidence: (N, T, 24).
-        contacts: (N, T, 2).
-        inverse_far: (T,) 1 / z_far.
-        inverse_gap: (T,) 1 / z_near - 1 / z_far.
-        ground: gravity and ground.
-    """
-
-    theta: Array
-    gamma: Array
-    betas: Array
-    scales: Array
-    confidence: Array
-    contacts: Array
-    inverse_far: Array
-    inverse_gap: Array
-    ground: GroundFrame
-
-
 def solve(
     modalities: Modalities, camera: Camera, body: BodyModel, progress: Progress, preset: Preset, device: str = "cpu"
 ) -> Solution:
@@ -90,7 +63,8 @@ def solve(
     evidence = gather_evidence(modalities, camera)
     solver_body = torch_body(body, torch.device(device))
     with progress.stage("Fit poses", pose_fit.ITERATIONS) as advance:
-        fit = fit_poses(evidence, body, solver_body, camera, advance)
+        smooth = preset.weights.temporal > 0
+        fit = fit_poses(evidence, body, solver_body, camera, advance, smooth=smooth)
     still = still_feet(evidence.pixels, evidence.confidence, evidence.size, evidence.times)
     ground = _first_scales(fit, evidence, still, modalities, camera, body, solver_body, preset.weights)
     given = given_evidence(evidence, fit, ground, camera, body, solver_body, preset.weights)

@@ -14,7 +14,7 @@ from core_solver.assemble import PALETTE, Provenance, _four_weights, assemble_ta
 from core_solver.body import BodyModel
 from core_solver.camera import camera_from_fov
 from core_solver.geometry import GroundFrame
-from core_solver.optimise.solve import Solution
+from core_solver.optimise.solution import Solution
 from core_solver.take import Scene, Take, read_take, write_take
 from core_solver.take.validation import check_take
 from core_solver.tracking.tracks import Modalities, Track

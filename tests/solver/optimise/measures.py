@@ -4,7 +4,7 @@ import numpy as np
 
 from core_solver.body import kinematics
 from core_solver.body.model import BodyModel
-from core_solver.optimise.solve import Solution
+from core_solver.optimise.solution import Solution
 from tests.solver.scenes import SyntheticClip
 
 Array = np.ndarray

@@ -9,14 +9,14 @@ from core_solver.camera import Camera
 from core_solver.optimise.evidence import gather_evidence
 from core_solver.optimise.pose_fit import PoseFit, fit_poses, place_clip
 from core_solver.optimise.posing import torch_body
-from core_solver.optimise.solve import sole_rows
+from core_solver.optimise.posing import sole_rows
 from tests.solver.optimise.conftest import GAP, LATE
 from tests.solver.optimise.measures import mpjpe
 from tests.solver.scenes import Walker, make_clip
 
 
 def fit(clip, body) -> PoseFit:
-    solver_body = torch_body(body, torch.as_tensor(sole_rows(body)), torch.device("cpu"))
+    solver_body = torch_body(body, torch.device("cpu"))
     return fit_poses(gather_evidence(clip.modalities, clip.camera), body, solver_body, clip.camera)
 
 

@@ -4,12 +4,12 @@ import torch
 
 from core_solver.body import kinematics
 from core_solver.optimise.posing import pose, torch_body
-from core_solver.optimise.solve import sole_rows
+from core_solver.optimise.posing import sole_rows
 
 
 @pytest.fixture(scope="module")
 def solver_body(body):
-    return torch_body(body, torch.as_tensor(sole_rows(body)), torch.device("cpu"), torch.float64)
+    return torch_body(body, torch.device("cpu"), torch.float64)
 
 
 def test_skin_is_the_numpy_skin_of_every_person_and_frame(body, solver_body):

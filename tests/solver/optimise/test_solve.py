@@ -5,7 +5,7 @@ import pytest
 
 from core_solver.camera import Camera
 from core_solver.energy.weights import Weights
-from core_solver.optimise import pose_fit, stages
+from core_solver.optimise import pose_fit
 from core_solver.optimise.presets import PRESETS
 from core_solver.optimise.solve import Solution, solve
 from core_solver.progress import SilentProgress
@@ -21,8 +21,6 @@ PORTRAIT = Camera(540, 960, 900.0, 760.0, 265.0, 485.0, (-0.1, 0.02, 0.001, 0.0,
 def quick(monkeypatch):
     """Few steps, for questions that more steps do not answer."""
     monkeypatch.setattr(pose_fit, "ITERATIONS", 10)
-    monkeypatch.setattr(stages, "STAGE_ONE_ITERATIONS", 5)
-    monkeypatch.setattr(stages, "STAGE_TWO_ITERATIONS", 10)
 
 
 def run(modalities: Modalities, clip: SyntheticClip, body) -> Solution:
