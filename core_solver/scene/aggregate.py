@@ -8,22 +8,30 @@ from numpy.typing import NDArray
 
 from core_solver.camera import Camera
 from core_solver.geometry import GroundFrame
+from core_solver.scene.median import StreamingMedian
+from core_solver.scene.sharpen import sharpen
 from core_solver.tracking.tracks import BACKGROUND, Modalities
 
 Array = NDArray[np.float64]
 
-_MOST_FRAMES = 101  # the median of a static scene gains nothing from more
-_BLOCK_ROWS = 64
+_MOST_FRAMES = 512  # frames everybody's medians are taken over; more would only take time
 _HORIZON_MARGIN = 0.02
+_THINNING_STEPS = 14  # halvings of the interval that holds the voxel's size
 
 
-def median_depth(modalities: Modalities, inverse_far: Array, inverse_gap: Array) -> NDArray[np.float32]:
-    """Per-pixel median over time of the background's depth (paper, scene point cloud).
+def median_depth(
+    modalities: Modalities, inverse_far: Array, inverse_gap: Array, most_frames: int = _MOST_FRAMES
+) -> NDArray[np.float32]:
+    """Per-pixel median over time of the background's depth (paper, scene point cloud), edges sharpened.
+
+    Frame after frame, so that memory does not grow with the clip. Of long clips evenly spread frames are looked at,
+    and of the others only what those never showed.
 
     Args:
         modalities: labels and disparity; the disparity must be there.
         inverse_far: (T,) 1 / z_far in 1/metres.
         inverse_gap: (T,) 1 / z_near - 1 / z_far in 1/metres.
+        most_frames: how many frames to look at everywhere; a few dozen give a draft.
 
     Returns:
         (hd, wd) metres on the disparity's grid, NaN where the background was never seen.
@@ -31,16 +39,26 @@ def median_depth(modalities: Modalities, inverse_far: Array, inverse_gap: Array)
     disparity = modalities.disparity
     if disparity is None:
         raise ValueError("median_depth needs disparity")
-    frames = np.unique(np.linspace(0, len(disparity) - 1, min(len(disparity), _MOST_FRAMES)).astype(int))
-    height, width = disparity.shape[1:]
-    bare = np.stack([_background(modalities.labels[t], (width, height)) for t in frames])
-    depth = np.full((height, width), np.nan, np.float32)
-    for top in range(0, height, _BLOCK_ROWS):
-        rows = slice(top, top + _BLOCK_ROWS)
-        inverse = inverse_far[frames, None, None] + inverse_gap[frames, None, None] * disparity[frames, rows]
-        block = np.ma.masked_array(1 / inverse, ~bare[:, rows])
-        depth[rows] = np.ma.median(block, axis=0).filled(np.nan)
-    return depth
+    count, height, width = disparity.shape
+    median = StreamingMedian((height, width))
+    unseen = np.ones((height, width), bool)
+
+    def look(t: int, where: NDArray[np.bool_]) -> None:
+        wanted = _background(modalities.labels[t], (width, height)) & where
+        if not wanted.any():
+            return
+        inverse = inverse_far[t] + inverse_gap[t] * sharpen(disparity[t]).astype(np.float32)
+        wanted &= np.isfinite(inverse) & (inverse > 0)
+        unseen[wanted] = False
+        median.add(1 / np.where(wanted, inverse, 1), wanted)
+
+    spread = np.unique(np.linspace(0, count - 1, min(count, most_frames)).astype(int))
+    for t in spread:
+        look(t, np.ones_like(unseen))
+    never_shown = unseen.copy()
+    for t in np.setdiff1d(np.arange(count), spread):
+        look(t, never_shown)
+    return median.result()
 
 
 def _background(labels: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.bool_]:
@@ -98,15 +116,48 @@ def cloud(
         depth: (h, w) metres, NaN where unknown.
         picture: (h, w, 3) RGB.
         camera: intrinsics of the whole image.
-        most: points at most, thinned evenly over the image.
+        most: points at most, thinned evenly in space.
 
     Returns:
         points (P, 3) metres, camera frame, and colours (P, 3).
     """
     known = np.isfinite(depth)
     points = (camera.grid_rays(*depth.shape) * depth[..., None])[known].astype(np.float32)
-    colours = picture[known]
-    if len(points) > most:
-        keep = np.linspace(0, len(points) - 1, most).astype(int)
-        points, colours = points[keep], colours[keep]
-    return points, colours
+    keep = thin_evenly(points, most)
+    return points[keep], picture[known][keep]
+
+
+def thin_evenly(points: NDArray[np.float32], most: int) -> NDArray[np.int64]:
+    """Choose points spread evenly through space, where a depth map crowds them near the camera.
+
+    One point a voxel, that nearest its centre; the voxels as small as `most` allows.
+
+    Args:
+        points: (P, 3) metres.
+        most: points at most.
+
+    Returns:
+        Increasing indices of the chosen ones: all when they are few enough.
+    """
+    if len(points) <= most:
+        return np.arange(len(points))
+    origin = points.min(axis=0)
+    extent = float((points.max(axis=0) - origin).max())
+    # In the logarithm of the size; a voxel larger than everything leaves one point.
+    small, large = np.log(max(extent, 1e-9) * np.array([1e-6, 1.001]))
+    for _ in range(_THINNING_STEPS):
+        middle = (small + large) / 2
+        fits = len(np.unique(_voxels(points - origin, np.exp(middle)))) <= most
+        small, large = (small, middle) if fits else (middle, large)
+    size = np.exp(large)
+    voxel = _voxels(points - origin, size)
+    off_centre = np.linalg.norm((points - origin) / size % 1 - 0.5, axis=1)
+    order = np.lexsort((off_centre, voxel))
+    _, first = np.unique(voxel[order], return_index=True)
+    return np.sort(order[first])
+
+
+def _voxels(points: NDArray[np.float32], size: float) -> NDArray[np.int64]:
+    """A number for each point's voxel."""
+    column, row, layer = np.floor(points / size).astype(np.int64).T
+    return (column << 42) + (row << 21) + layer

@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 
 _CELLS_PER_PERSON = 14  # a visibility cell is about a hand's width on the body
 _THICKNESS = 0.08  # metres within which vertices of one cell count as one surface
+_NEAREST = 0.05  # metres; what is nearer or behind the camera is not seen
+_CHUNK_POINTS = 1 << 15
 
 
 @dataclass(frozen=True)
@@ -40,44 +42,71 @@ def sample_bodies(points: Array, valid: NDArray[np.bool_], modalities: Modalitie
         modalities: labels and disparity.
         camera: intrinsics.
     """
-    shape = points.shape[:3]
-    visible, disparity = np.zeros(shape, bool), np.zeros(shape, np.float32)
-    mean, weight = np.zeros(shape[:2]), np.zeros(shape[:2])
+    people, frames, count = points.shape[:3]
+    visible, disparity = np.zeros((people, frames, count), bool), np.zeros((people, frames, count), np.float32)
+    # Chunks fit the cache and keep memory the same for a clip of any length.
+    chunk = max(1, _CHUNK_POINTS // count)
     for n, track in enumerate(modalities.tracks):
-        for t in np.flatnonzero(valid[n]):
-            pixels = camera.project(np.maximum(points[n, t], (-np.inf, -np.inf, 0.05)))
-            inside = sample_grid(modalities.labels[t], pixels, camera, outside=BACKGROUND) == track.id
-            visible[n, t] = inside & _front(pixels, points[n, t, :, 2])
-            count = visible[n, t].sum()
-            weight[n, t] = min(1.0, 4 * count / shape[2])
-            if count and modalities.disparity is not None:
-                values = sample_grid(modalities.disparity[t], pixels[visible[n, t]], camera, outside=0)
-                disparity[n, t, visible[n, t]] = values
-                mean[n, t] = float(values.astype(float).mean())
-    return BodyDepth(visible, disparity, mean, weight)
+        seen = np.flatnonzero(valid[n])
+        for rows in np.split(seen, range(chunk, len(seen), chunk)):
+            # Points that are nowhere are put infinitely far: nobody sees them and they hide nobody.
+            finite = np.isfinite(points[n, rows]).all(axis=-1, keepdims=True)
+            body = np.where(finite, points[n, rows], (0.0, 0.0, np.inf))
+            pixels = camera.project(np.maximum(body, (-np.inf, -np.inf, _NEAREST)))
+            owners = sample_frames(modalities.labels, rows[:, None], pixels, camera, outside=BACKGROUND)
+            shown = (owners == track.id) & _front(pixels, body[..., 2])
+            visible[n, rows] = shown
+            if modalities.disparity is not None:
+                values = sample_frames(modalities.disparity, rows[:, None], pixels, camera, outside=0)
+                disparity[n, rows] = np.where(shown, values, 0)
+    total = visible.sum(axis=-1)
+    mean = disparity.sum(axis=-1, dtype=float) / np.maximum(total, 1)
+    return BodyDepth(visible, disparity, mean, np.minimum(1.0, 4 * total / count))
 
 
 def sample_grid(grid: NDArray, pixels: Array, camera: Camera, outside: float) -> NDArray:
     """Nearest value of a (h, w) grid laid over the whole image at (..., 2) footage pixels."""
-    height, width = grid.shape
-    finite = np.isfinite(pixels).all(axis=-1)
-    safe = np.where(finite[..., None], np.clip(pixels, -1e6, 1e6), -1)
-    column = np.floor(safe[..., 0] * width / camera.width).astype(int)
-    row = np.floor(safe[..., 1] * height / camera.height).astype(int)
+    return sample_frames(grid[None], np.zeros((), int), pixels, camera, outside)
+
+
+def sample_frames(
+    grids: NDArray, frames: NDArray[np.int64], pixels: Array, camera: Camera, outside: float
+) -> NDArray:  # fmt: skip
+    """Nearest values of (T, h, w) grids, each laid over the whole image.
+
+    Args:
+        grids: one a frame.
+        frames: the grid to read for each pixel; broadcasts against (...).
+        pixels: (..., 2) in the footage.
+        camera: intrinsics.
+        outside: value beyond the image and at pixels that are not finite.
+
+    Returns:
+        (...) values.
+    """
+    height, width = grids.shape[1:]
+    u, v = np.ascontiguousarray(np.moveaxis(pixels, -1, 0))
+    # Far outside is as good as infinitely far, and fits an integer; NaN lies outside too.
+    column = np.floor(np.nan_to_num(u * width / camera.width, nan=-1.0).clip(-1, width)).astype(int)
+    row = np.floor(np.nan_to_num(v * height / camera.height, nan=-1.0).clip(-1, height)).astype(int)
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    values = grid[np.where(inside, row, 0), np.where(inside, column, 0)]
+    values = grids[frames, np.where(inside, row, 0), np.where(inside, column, 0)]
     return np.where(inside, values, outside)
 
 
 def _front(pixels: Array, depth: Array) -> NDArray[np.bool_]:
-    """Vertices within a surface's thickness of the nearest one in their cell of the picture."""
-    low, high = pixels.min(axis=0), pixels.max(axis=0)
-    cell = max(float((high - low).max()) / _CELLS_PER_PERSON, 1e-6)
-    column, row = ((pixels - low) / cell).astype(int).T
-    index = row * (_CELLS_PER_PERSON + 1) + column
-    nearest = np.full(index.max() + 1, np.inf)
-    np.minimum.at(nearest, index, depth)
-    return (depth < nearest[index] + _THICKNESS) & (depth > 0.05)
+    """Vertices (F, P) within a surface's thickness of the nearest one in their cell of that frame's picture."""
+    # The two coordinates one after the other: each in one piece of memory is several times faster.
+    u, v = np.ascontiguousarray(np.moveaxis(pixels, -1, 0))
+    left, top = u.min(axis=1, keepdims=True), v.min(axis=1, keepdims=True)
+    extent = np.maximum(u.max(axis=1, keepdims=True) - left, v.max(axis=1, keepdims=True) - top)
+    cell = np.maximum(extent / _CELLS_PER_PERSON, 1e-6)
+    side = _CELLS_PER_PERSON + 1
+    column, row = (np.nan_to_num(x / cell).clip(0, side - 1).astype(int) for x in (u - left, v - top))
+    index = (np.arange(len(pixels))[:, None] * side + row) * side + column
+    nearest = np.full(len(pixels) * side * side, np.inf)
+    np.minimum.at(nearest, index.ravel(), depth.ravel())
+    return (depth < nearest[index] + _THICKNESS) & (depth > _NEAREST)
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,17 @@
+import tracemalloc
+from dataclasses import replace
+
 import cv2
+import hypothesis.extra.numpy as hnp
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
 from core_solver.camera import Camera, camera_from_fov
 from core_solver.geometry import GroundFrame
-from core_solver.scene.aggregate import cloud, ground_depth, median_depth, median_picture
+from core_solver.scene.aggregate import cloud, ground_depth, median_depth, median_picture, thin_evenly
 from core_solver.tracking.tracks import BACKGROUND, UNCLAIMED, Modalities
 
 BENT = Camera(320, 240, 300.0, 290.0, 165.0, 118.0, (-0.15, 0.03, 0.002, -0.001, 0.0), "test")
@@ -18,7 +25,9 @@ def scene_of(disparity: np.ndarray, labels: np.ndarray) -> Modalities:
 
 def test_the_median_of_each_frames_own_depth():
     rng = np.random.default_rng(0)
-    disparity = rng.random((9, 24, 32)).astype(np.float16)
+    slope = np.linspace(0, 0.5, 32)
+    disparity = (slope + rng.uniform(0, 0.5, (9, 24, 1))).astype(np.float16)
+    disparity[:] = disparity[:, :1]
     far, gap = rng.uniform(0.03, 0.05, 9), rng.uniform(0.4, 0.6, 9)
     found = median_depth(scene_of(disparity, np.zeros((9, 24, 32), np.uint8)), far, gap)
     expected = np.median(1 / (far[:, None, None] + gap[:, None, None] * disparity.astype(float)), axis=0)
@@ -60,12 +69,55 @@ def test_a_thin_person_is_masked_on_a_coarser_depth_map():
     assert np.nanmin(found) > 3
 
 
-def test_many_frames_are_thinned_from_first_to_last():
+def test_of_many_frames_the_first_counts_as_much_as_the_last():
     disparity = np.zeros((300, 4, 4))
     disparity[150:] = 1.0
     disparity[299] = 1.0
     found = median_depth(scene_of(disparity, np.zeros((300, 4, 4), np.uint8)), np.full(300, 0.5), np.full(300, 0.5))
     assert set(np.unique(found)) <= {np.float32(1.0), np.float32(2.0), np.float32(1.5)}
+
+
+def test_what_only_one_frame_between_the_chosen_ones_shows_is_found():
+    labels = np.zeros((200, 30, 30), np.uint8)
+    labels[:, 10:20, 10:20] = 1
+    labels[77] = 0
+    disparity = np.full((200, 30, 30), 0.3)
+    disparity[77, 10:20, 10:20] = 0.5
+    found = median_depth(scene_of(disparity, labels), np.full(200, 0.1), np.full(200, 1.0), most_frames=10)
+    np.testing.assert_allclose(found[13:17, 13:17], 1 / 0.6, rtol=1e-3)
+    np.testing.assert_allclose(found[:6], 1 / 0.4, rtol=1e-3)
+
+
+def test_blurred_edges_leave_nothing_between_the_surfaces():
+    column = np.arange(120)
+    blurred = np.tile(cv2.GaussianBlur(np.where(column < 60, 0.8, 0.2)[None], (0, 0), 1.0), (5, 40, 1))
+    found = median_depth(scene_of(blurred, np.zeros((5, 40, 120), np.uint8)), np.full(5, 0.1), np.full(5, 1.0))
+    between = (found > 1 / 0.9 + 0.1) & (found < 1 / 0.3 - 0.1)
+    assert between.mean() < 0.001
+
+
+def test_disparity_that_is_no_number_is_not_seen():
+    disparity = np.full((4, 20, 20), 0.5)
+    disparity[1], disparity[:, 3, 4] = np.nan, np.inf
+    disparity[2, 10, 10] = -5.0  # behind infinity
+    found = median_depth(scene_of(disparity, np.zeros((4, 20, 20), np.uint8)), np.full(4, 0.1), np.full(4, 1.0))
+    assert np.isnan(found[3, 4])
+    rest = found[np.isfinite(found)]
+    assert len(rest) >= 399
+    np.testing.assert_allclose(rest, 1 / 0.6, rtol=1e-3)
+
+
+def test_memory_does_not_grow_with_the_clip():
+    def peak(frames: int) -> int:
+        tiled = np.broadcast_to(np.linspace(0, 1, 96, dtype=np.float16), (frames, 64, 96))
+        scene = scene_of(tiled, np.broadcast_to(np.zeros((), np.uint8), (frames, 64, 96)))
+        tracemalloc.start()
+        median_depth(replace(scene, disparity=tiled), np.full(frames, 0.1), np.full(frames, 1.0))
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return most
+
+    assert peak(600) < 1.1 * peak(150)
 
 
 def test_without_disparity_there_is_nothing_to_aggregate():
@@ -160,13 +212,47 @@ def test_a_cloud_projects_back_onto_its_cells_with_their_colours(camera):
     np.testing.assert_array_equal(colours, picture[known])
 
 
-def test_a_cloud_is_thinned_evenly():
+def floor_cloud(most: int) -> np.ndarray:
+    camera = camera_from_fov(320, 240, 60, "test")
+    depth = ground_depth(camera, ground_of(0.3), (160, 120), 12.0)
+    return cloud(depth, np.zeros((120, 160, 3), np.uint8), camera, most)[0]
+
+
+def test_a_cloud_is_thinned_evenly_in_space():
+    """A depth map crowds its points near the camera; on a floor every square metre should get as many."""
+    every, few = floor_cloud(10**6), floor_cloud(400)
+    assert 300 < len(few) <= 400
+
+    def spread(points: np.ndarray) -> float:
+        gaps = cKDTree(points).query(points, k=2)[0][:, 1]
+        return float(np.quantile(gaps, 0.9) / np.quantile(gaps, 0.1))
+
+    assert spread(every) > 3
+    assert spread(few) < 2.6
+    # Nothing is left out: every point has a chosen one nearby.
+    typical = np.median(cKDTree(few).query(few, k=2)[0][:, 1])
+    assert cKDTree(few).query(every)[0].max() < 2.5 * typical
+
+
+@given(
+    hnp.arrays(np.float32, st.tuples(st.integers(1, 200), st.just(3)), elements=st.floats(-50, 50, width=32)),
+    st.integers(1, 250),
+)
+def test_thinning_never_keeps_more_and_is_the_same_every_time(points, most):
+    keep = thin_evenly(points, most)
+    assert 1 <= len(keep) <= most
+    assert (np.diff(keep) > 0).all()
+    np.testing.assert_array_equal(keep, thin_evenly(points, most))
+    if len(points) <= most:
+        assert len(keep) == len(points)
+
+
+def test_thinned_points_keep_their_colours():
     depth = np.ones((50, 50), np.float32)
-    picture = np.repeat(np.arange(50, dtype=np.uint8)[:, None], 50, axis=1)[..., None].repeat(3, axis=-1)
+    picture = np.random.default_rng(0).integers(0, 255, (50, 50, 3)).astype(np.uint8)
     points, colours = cloud(depth, picture, BENT, 100)
-    assert len(points) == len(colours) == 100
-    assert np.ptp(colours[:, 0]) == 49
-    assert np.bincount(colours[:, 0] // 10, minlength=5).min() >= 18
+    cell = (BENT.project(points) / (320 / 50, 240 / 50)).astype(int)
+    np.testing.assert_array_equal(colours, picture[cell[:, 1], cell[:, 0]])
 
 
 def test_an_unknown_scene_is_an_empty_cloud():

@@ -5,7 +5,8 @@ import pytest
 
 from core_solver.camera import Camera, camera_from_fov
 from core_solver.geometry import matrix_from_rotvec
-from core_solver.scene.sampling import sample_bodies, sample_floor, sample_grid
+from core_solver.scene import sampling
+from core_solver.scene.sampling import sample_bodies, sample_floor, sample_frames, sample_grid
 from core_solver.tracking.tracks import BACKGROUND, UNCLAIMED, Modalities, Track
 from tests.solver.body.synthetic import make_stick_body
 from tests.solver.scenes import Walker, make_clip
@@ -146,3 +147,39 @@ def test_floor_samples_are_limited_in_number():
     found = sample_floor(feet, np.ones((1, 40, 2)), sizes, clip.modalities, clip.camera, most=40)
     assert 10 < len(found.rays) <= 60
     assert np.ptp(found.frames) > 25
+
+
+def test_many_bodies_at_once_are_each_seen_as_if_alone(monkeypatch):
+    walkers = [Walker(1.0, (-0.4, 4), 0.5), Walker(0.9, (0.3, 5), -1.0), Walker(1.1, (0.0, 7), 2.0)]
+    clip = make_clip(BODY, walkers, frames=9)
+    valid = np.random.default_rng(0).random((3, 9)) < 0.8
+    monkeypatch.setattr(sampling, "_CHUNK_POINTS", 2 * clip.vertices.shape[2])  # several chunks a person
+    together = sample_bodies(clip.vertices, valid, clip.modalities, clip.camera)
+    assert 0.1 < together.visible[valid].mean() < 0.9
+    for n, t in np.ndindex(3, 9):
+        of_frame = replace(
+            clip.modalities,
+            tracks=clip.modalities.tracks[n : n + 1],
+            labels=clip.modalities.labels[t : t + 1],
+            disparity=clip.modalities.disparity[t : t + 1],
+        )
+        alone = sample_bodies(clip.vertices[n : n + 1, t : t + 1], valid[n : n + 1, t : t + 1], of_frame, clip.camera)
+        for name in ("visible", "disparity", "mean_disparity", "weight"):
+            np.testing.assert_array_equal(getattr(together, name)[n, t], getattr(alone, name)[0, 0])
+
+
+def test_a_body_that_is_nowhere_is_not_seen_and_harms_nobody():
+    clip = make_clip(BODY, [Walker(1.0, (-0.4, 4), 0.5)], frames=3)
+    points = clip.vertices.copy()
+    points[0, 1] = np.nan
+    points[0, 2, :3] = np.inf
+    found = sample_bodies(points, np.ones((1, 3), bool), clip.modalities, clip.camera)
+    assert not found.visible[0, 1].any()
+    assert found.visible[0, 0].any()
+    assert np.isfinite(found.mean_disparity).all()
+
+
+def test_grids_of_several_frames_are_each_read_for_their_own_pixels():
+    grids = np.arange(24.0).reshape(3, 2, 4)
+    pixels = np.array([[50.0, 50.0], [350.0, 150.0], [150.0, 150.0]])
+    assert sample_frames(grids, np.array([2, 0, 1]), pixels, CAMERA, outside=-1).tolist() == [16, 7, 13]
