@@ -155,6 +155,9 @@ def _add_solve(commands: Commands) -> argparse.ArgumentParser:
     parser.add_argument(
         "--depth", type=Path, metavar="MODEL", help="disparity network (.onnx), or a directory of sizes"
     )
+    parser.add_argument(
+        "--points", type=_count, default=argparse.SUPPRESS, metavar="N", help="most points in the cloud (200000)"
+    )
     parser.add_argument("--models-dir", type=Path, metavar="DIR", help="where models are kept")
     parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     parser.add_argument("--resume", action="store_true", help="go on from what an earlier run has kept in TAKE.work")

@@ -64,6 +64,7 @@ def assert_refused(result, *words) -> None:
         (("solve", "{video}", "-o", "t.npz", "--every", "0"), ("--every", "at least 1")),
         (("solve", "{video}", "-o", "t.npz", "--every", "1.5"), ("--every",)),
         (("solve", "{video}", "-o", "t.npz", "--people", "-1"), ("--people",)),
+        (("solve", "{video}", "-o", "t.npz", "--points", "0"), ("--points", "at least 1")),
         (("solve", "{video}", "-o", "t.npz", "--start", "-1"), ("--start",)),
         (("solve", "{video}", "-o", "t.npz", "--start", "inf"), ("--start",)),
         (("solve", "{video}", "-o", "t.npz", "--start", "3", "--end", "2"), ("--end 2", "--start 3")),
@@ -169,7 +170,7 @@ def test_solve_passes_every_option_and_sums_up(capsys, monkeypatch, tmp_path, vi
     code, out, err = run(
         capsys, "solve", video_path, "-o", output, "--fov", "60", "--start", "1", "--end", "2.5", "--every", "3",
         "--people", "2", "--depth", depth, "--models-dir", tmp_path, "--device", "cpu", "--resume", "--body", depth,
-        "--preset", "fast",
+        "--preset", "fast", "--points", "5000",
     )  # fmt: skip
     assert code == 0
     got = pipeline.options
@@ -177,7 +178,7 @@ def test_solve_passes_every_option_and_sums_up(capsys, monkeypatch, tmp_path, vi
     assert (got.video, got.output, got.camera, got.fov_degrees) == (video_path, output, None, 60.0)
     assert (got.start_s, got.end_s, got.every, got.people) == (1.0, 2.5, 3, 2)
     assert (got.depth, got.models_dir, got.body) == (depth, tmp_path, depth)
-    assert (got.device, got.preset, got.resume) == ("cpu", "fast", True)
+    assert (got.device, got.preset, got.resume, got.points) == ("cpu", "fast", True, 5000)
     for words in ("Person 2", "6 of 12", "test lens", "ground-plane prior", "moved by 2 pixels", "people", "total"):
         assert words in out
     assert f"preview '{output}' {video_path}" in out
@@ -197,6 +198,7 @@ def test_solve_defaults(capsys, monkeypatch, tmp_path, video_path):
         1,
     )
     assert (got.people, got.depth, got.device, got.resume, got.seed) == (None, None, "auto", False, 0)
+    assert got.points == 200_000
 
 
 @pytest.mark.parametrize(

@@ -178,6 +178,12 @@ def test_settings_are_recorded_without_paths(stage):
     assert str(stage.folder) not in str(take.meta)
 
 
+def test_the_cloud_has_as_many_points_as_wanted_at_most(stage):
+    points = stage.run(points=500).scene.points
+    assert 400 < len(points) <= 500
+    assert stage.run().meta.settings["points"] == 200_000
+
+
 def test_nobody_in_the_video(stage, couple):
     stage.show(couple, seen=0)
     with pytest.raises(VideoError, match=r"nobody was seen in clip\.avi.*--start and --end"):
