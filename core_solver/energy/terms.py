@@ -47,6 +47,16 @@ def shape(betas: Tensor, betas_hat: Tensor) -> Tensor:
     return charbonnier((betas - betas_hat) ** 2).sum()
 
 
+def stature(log_growth: Tensor, sigma: float) -> Tensor:
+    """Betas change proportions and leave stature to the scale: otherwise the two drift against each other.
+
+    Args:
+        log_growth: (N,) log of the stature that betas give over that of betas^.
+        sigma: deviation of the log.
+    """
+    return ((log_growth / sigma) ** 2).sum()
+
+
 def height(log_heights: Tensor, log_mean: float, sigma_above: float, sigma_below: float) -> Tensor:
     """Prior on statures: the paper's E_scale as a log-normal of two halves, since children exist and giants do not.
 
@@ -167,3 +177,13 @@ def silhouette(along: Tensor, target: Tensor, weight: Tensor, sigma: Tensor) -> 
         sigma: (N, T) pixels, deviation of a mask's edge.
     """
     return (weight * charbonnier(((along - target) / sigma[..., None]) ** 2)).sum()
+
+
+def collision(overlap: Tensor, sigma: float) -> Tensor:
+    """Bodies do not pass through each other or themselves; beyond the paper, and gentle: its pull fades when deep.
+
+    Args:
+        overlap: (N, T, Q) metres by which pairs of spheres overlap; negative apart.
+        sigma: metres.
+    """
+    return geman_mcclure((overlap.clamp_min(0) / sigma) ** 2).sum()

@@ -19,6 +19,7 @@ class Weights:
         smpl: pose stays near the fitted pose theta^.
         theta_sigma: radians.
         betas: shape stays near betas^.
+        stature_sigma: deviation of log stature at unit scale that betas may cause.
         height: prior on stature.
         height_sigma: deviation of log stature above `height_mean_m`.
         height_sigma_below: and below it: children are common, giants are not.
@@ -34,6 +35,8 @@ class Weights:
         contact: soles on the ground while they are in contact.
         contact_sigma: metres.
         penetration: no sole below the ground.
+        collision: spheres of a body and of others do not overlap.
+        collision_sigma: metres.
         slip: soles rest while they are in contact.
         slip_sigma: metres a second.
         temporal: vertices move as their filtered selves.
@@ -50,6 +53,7 @@ class Weights:
     smpl: float = 0.3
     theta_sigma: float = 0.15
     betas: float = 0.1
+    stature_sigma: float = 0.01
     height: float = 1.0
     height_sigma: float = 0.07
     height_sigma_below: float = 0.12
@@ -65,6 +69,8 @@ class Weights:
     contact: float = 1.0
     contact_sigma: float = 0.02
     penetration: float = 4.0
+    collision: float = 1.0
+    collision_sigma: float = 0.05
     slip: float = 1.0
     slip_sigma: float = 0.1
     temporal: float = 1.0
@@ -79,5 +85,5 @@ class Weights:
         """Names of the weights that switch a term; the other fields are deviations and means."""
         return (
             "joints", "smpl", "betas", "height", "speed", "acceleration", "depth", "silhouette", "contact",
-            "penetration", "slip", "temporal",
+            "penetration", "collision", "slip", "temporal",
         )  # fmt: skip

@@ -198,6 +198,8 @@ class _Assembly:
         height[_SCALE] = 1
         height[_BETAS] = given.height[1:] / (given.height[0] + given.height[1:] @ v.betas[n])
         corner += w.height / w.height_sigma**2 * torch.outer(height, height)
+        height[_SCALE] = 0
+        corner += w.betas * len(v.theta[n]) / w.stature_sigma**2 * torch.outer(height, height)
 
     def _add_motion(self, blocks: Tensor) -> tuple[Tensor, Tensor]:
         frames = len(blocks)

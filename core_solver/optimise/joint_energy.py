@@ -81,12 +81,14 @@ class Motion:
         support: (N, T, 2) metres by which each foot's support lies above the common ground.
         filtered: (N, T, 25, 3) one-euro-filtered keypoints at unit scale.
         picture: raster terms.
+        spheres: (N, T, M, 3) metres, camera frame: where everybody was at the last look.
     """
 
     contacts: Tensor | None = None
     support: Tensor | None = None
     filtered: Tensor | None = None
     picture: PictureTerms | None = None
+    spheres: Tensor | None = None
 
 
 class JointEnergy:
@@ -124,7 +126,7 @@ class JointEnergy:
             "joints": w.joints
             * terms.joints(self.project(v, keypoints), g.pixels[one], g.confidence[one], g.size[one], w.joints_sigma),
             "smpl": w.smpl * terms.smpl(v.theta[one], g.theta_hat[one], g.theta_trust[one], w.theta_sigma),
-            "betas": w.betas * terms.shape(v.betas[one], g.betas_hat[one]) * v.theta.shape[1],
+            "betas": w.betas * v.theta.shape[1] * self._shape(v, one),
             "height": w.height
             * terms.height(self.log_heights(v)[one], math.log(w.height_mean_m), w.height_sigma, w.height_sigma_below),
         }
@@ -134,6 +136,7 @@ class JointEnergy:
             result["acceleration"] = w.acceleration * terms.acceleration(
                 v.translation[one], g.seconds, w.acceleration_sigma
             )
+        result["collision"] = self._collision(v, n, posed)
         return result | self._ground_terms(v, n, posed) | self._motion_terms(keypoints, n) | self._picture(v, n, posed)
 
     def shared(self, v: Variables) -> Tensor:
@@ -153,8 +156,16 @@ class JointEnergy:
 
     def log_heights(self, v: Variables) -> Tensor:
         """(N,) log metres."""
-        stature = self.given.height[0] + v.betas @ self.given.height[1:]
-        return torch.log(stature.clamp_min(0.1)) + v.log_scale
+        return self._log_stature(v.betas) + v.log_scale
+
+    def _log_stature(self, betas: Tensor) -> Tensor:
+        """(N,) log metres at unit scale."""
+        return torch.log((self.given.height[0] + betas @ self.given.height[1:]).clamp_min(0.1))
+
+    def _shape(self, v: Variables, one: slice) -> Tensor:
+        betas, betas_hat = v.betas[one], self.given.betas_hat[one]
+        growth = self._log_stature(betas) - self._log_stature(betas_hat)
+        return terms.shape(betas, betas_hat) + terms.stature(growth, self.weights.stature_sigma)
 
     def up(self, v: Variables) -> Tensor:
         """(3,) unit normal of the ground."""
@@ -201,6 +212,28 @@ class JointEnergy:
         # As strong as 24 independent points.
         value = terms.temporal(keypoints, filtered, self.given.seconds, w.temporal_sigma)
         return {"temporal": w.temporal * 24 * value}
+
+    def spheres(self, v: Variables, n: int, posed: Posed) -> Tensor:
+        """(1, T, M, 3) metres, camera frame: one person's spheres."""
+        one = slice(n, n + 1)
+        return torch.exp(v.log_scale[n]) * (posed.skin(self.body.spheres, v.betas[one]) + v.translation[one, :, None])
+
+    def _collision(self, v: Variables, n: int, posed: Posed) -> Tensor:
+        """A body with itself, and with the others where they were seen last."""
+        w, others = self.weights, self.motion.spheres
+        if w.collision == 0:
+            return v.betas.new_zeros(())
+        centres = self.spheres(v, n, posed)
+        radii = self.body.radii * torch.exp(v.log_scale[n].detach())
+        first, second = self.body.pairs.T
+        apart = (centres[:, :, first] - centres[:, :, second]).square().sum(-1)
+        value = terms.collision(radii[first] + radii[second] - torch.sqrt(apart + 1e-9), w.collision_sigma)
+        for other in range(self.people) if others is not None else ():
+            if other != n:
+                reach = radii[:, None] + self.body.radii * torch.exp(v.log_scale[other].detach())
+                apart = torch.cdist(centres, others[other : other + 1])
+                value = value + terms.collision((reach - apart).flatten(2), w.collision_sigma)
+        return w.collision * value
 
     def _picture(self, v: Variables, n: int, posed: Posed) -> dict[str, Tensor]:
         picture = self.motion.picture

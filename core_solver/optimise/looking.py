@@ -40,6 +40,9 @@ class Onlooker:
     def look(self, energy: JointEnergy, v: Variables) -> None:
         """Renew the raster terms, the contacts and the supports of an energy."""
         self.look_at_feet(energy, v)
+        with torch.no_grad():
+            spheres = [energy.spheres(v, n, pose_person(v, n, energy.body)) for n in range(energy.people)]
+        energy.look(spheres=torch.cat(spheres))
         if self.modalities.disparity is not None:
             energy.look(picture=self._picture(energy, v))
 

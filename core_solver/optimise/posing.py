@@ -11,6 +11,7 @@ from core_solver.body.kinematics_torch import pose_joints
 from core_solver.body.model import BodyModel
 from core_solver.body.proxy import farthest_points
 from core_solver.body.skeleton import joint_index
+from core_solver.body.spheres import body_spheres
 
 _SOLE_POINTS = 4  # of each foot that the solver follows: heel, toe and both sides
 _SOLE_THICKNESS_M = 0.03
@@ -45,6 +46,9 @@ class TorchBody:
         proxy: vertices spread over the body.
         soles: first S points under the left foot, then S under the right.
         surface: the vertices of `faces`.
+        spheres: (M) points inside the body.
+        radii: (M,) metres.
+        pairs: (Q, 2) spheres of one body that must not meet.
         faces: (F, 3) int32, on the CPU: triangles for the raster terms.
     """
 
@@ -53,6 +57,9 @@ class TorchBody:
     proxy: PointSet
     soles: PointSet
     surface: PointSet
+    spheres: PointSet
+    radii: Tensor
+    pairs: Tensor
     faces: NDArray[np.int32]
 
 
@@ -77,6 +84,7 @@ def torch_body(
     def vertices(rows: NDArray[np.integer]) -> PointSet:
         return points(body.template[rows], body.shape_directions[rows], body.weights[rows])
 
+    spheres = body_spheres(body)
     rows, faces = surface or (np.arange(len(body.template)), body.faces)
     return TorchBody(
         joints=points(body.joint_template, body.joint_directions, np.eye(24)),
@@ -84,6 +92,9 @@ def torch_body(
         proxy=vertices(body.proxy),
         soles=vertices(body.proxy[sole_rows(body, _SOLE_POINTS)].ravel()),
         surface=vertices(rows),
+        spheres=points(spheres.template, spheres.directions, spheres.weights),
+        radii=torch.as_tensor(spheres.radii, dtype=dtype, device=device),
+        pairs=torch.as_tensor(spheres.pairs, device=device),
         faces=np.ascontiguousarray(faces, np.int32),
     )
 
