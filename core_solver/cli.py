@@ -22,6 +22,8 @@ from core_solver.errors import UserError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from core_solver.progress import Progress
+
     # The type of what `add_subparsers` returns has no public name.
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -101,6 +103,12 @@ def inspect(options: argparse.Namespace) -> int:
     return 0
 
 
+def _progress_bars() -> Progress:
+    from core_solver.console import BarProgress  # noqa: PLC0415 - keeps --help and bad input fast
+
+    return BarProgress()
+
+
 class _Parser(argparse.ArgumentParser):
     """Complains like the rest of the program: one line, exit code 2."""
 
@@ -109,13 +117,16 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    from core_solver.perception.models_cli import add_parser  # noqa: PLC0415
+    from core_solver.evaluation import cli as evaluation_cli  # noqa: PLC0415
+    from core_solver.perception import models_cli  # noqa: PLC0415
 
     parser = _program_parser()
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for add in (_add_solve, _add_preview, _add_inspect):
         _add_common(add(commands), default=argparse.SUPPRESS)
-    add_parser(commands)
+    models_cli.add_parser(commands)
+    for kind in evaluation_cli.add_parser(commands, _progress_bars):
+        _add_common(kind, default=argparse.SUPPRESS)
     return parser
 
 

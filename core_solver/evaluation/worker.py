@@ -1,0 +1,60 @@
+"""One solve in a process of its own, so that its time and memory are its alone.
+
+`python -m core_solver.evaluation.worker PROBLEM.npz OUTCOME.npz PRESET [TERM ...]`; the terms are left out.
+"""
+
+import sys
+import time
+from pathlib import Path
+
+import torch
+
+from core_solver.evaluation.baseline import NAME, baseline
+from core_solver.evaluation.exchange import Outcome, Problem, read_problem, write_outcome
+from core_solver.optimise.presets import PRESETS
+from core_solver.optimise.solution import Solution
+from core_solver.optimise.solve import solve
+from core_solver.progress import SilentProgress
+
+
+def main(arguments: list[str]) -> int:
+    """Read the problem, solve it, write the outcome."""
+    problem_path, outcome_path, preset, *without = arguments
+    # As the pipeline does: sums in one order give the same numbers everywhere.
+    torch.set_num_threads(1)
+    problem = read_problem(Path(problem_path))
+    started = time.perf_counter()
+    solution = run_preset(problem, preset, without)
+    seconds = time.perf_counter() - started
+    write_outcome(Path(outcome_path), Outcome(solution, seconds, peak_mb()))
+    return 0
+
+
+def run_preset(problem: Problem, preset: str, without: list[str]) -> Solution:
+    """Solve with the named preset, or as the baseline does."""
+    if preset == NAME:
+        return baseline(problem.modalities, problem.camera, problem.body)
+    chosen = PRESETS[preset].without(*without)
+    return solve(problem.modalities, problem.camera, problem.body, SilentProgress(), chosen)
+
+
+def peak_mb() -> float:
+    """Highest resident memory of this process so far, in 10^6 bytes.
+
+    Linux hands a new program the highest memory of the process that started it as its own `ru_maxrss`; only VmHWM
+    begins anew.
+    """
+    status = Path("/proc/self/status")
+    if status.is_file():
+        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM:"))
+        return int(line.split()[1]) * 1024 / 1e6
+    if sys.platform == "win32":
+        return 0.0  # not known without another library
+    import resource  # noqa: PLC0415 - not on Windows
+
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
