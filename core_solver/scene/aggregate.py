@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 from core_solver.camera import Camera
 from core_solver.geometry import GroundFrame
 from core_solver.scene.median import StreamingMedian
+from core_solver.scene.normals import grid_points
 from core_solver.scene.sharpen import sharpen
+from core_solver.scene.thinning import thin_evenly
 from core_solver.tracking.tracks import BACKGROUND, Modalities
 
 Array = NDArray[np.float64]
 
 _MOST_FRAMES = 512  # frames everybody's medians are taken over; more would only take time
 _HORIZON_MARGIN = 0.02
-_THINNING_STEPS = 14  # halvings of the interval that holds the voxel's size
 
 
 def median_depth(
@@ -122,42 +123,6 @@ def cloud(
         points (P, 3) metres, camera frame, and colours (P, 3).
     """
     known = np.isfinite(depth)
-    points = (camera.grid_rays(*depth.shape) * depth[..., None])[known].astype(np.float32)
+    points = grid_points(depth, camera)[known].astype(np.float32)
     keep = thin_evenly(points, most)
     return points[keep], picture[known][keep]
-
-
-def thin_evenly(points: NDArray[np.float32], most: int) -> NDArray[np.int64]:
-    """Choose points spread evenly through space, where a depth map crowds them near the camera.
-
-    One point a voxel, that nearest its centre; the voxels as small as `most` allows.
-
-    Args:
-        points: (P, 3) metres.
-        most: points at most.
-
-    Returns:
-        Increasing indices of the chosen ones: all when they are few enough.
-    """
-    if len(points) <= most:
-        return np.arange(len(points))
-    origin = points.min(axis=0)
-    extent = float((points.max(axis=0) - origin).max())
-    # In the logarithm of the size; a voxel larger than everything leaves one point.
-    small, large = np.log(max(extent, 1e-9) * np.array([1e-6, 1.001]))
-    for _ in range(_THINNING_STEPS):
-        middle = (small + large) / 2
-        fits = len(np.unique(_voxels(points - origin, np.exp(middle)))) <= most
-        small, large = (small, middle) if fits else (middle, large)
-    size = np.exp(large)
-    voxel = _voxels(points - origin, size)
-    off_centre = np.linalg.norm((points - origin) / size % 1 - 0.5, axis=1)
-    order = np.lexsort((off_centre, voxel))
-    _, first = np.unique(voxel[order], return_index=True)
-    return np.sort(order[first])
-
-
-def _voxels(points: NDArray[np.float32], size: float) -> NDArray[np.int64]:
-    """A number for each point's voxel."""
-    column, row, layer = np.floor(points / size).astype(np.int64).T
-    return (column << 42) + (row << 21) + layer

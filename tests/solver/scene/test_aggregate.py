@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 
 from core_solver.camera import Camera, camera_from_fov
 from core_solver.geometry import GroundFrame
-from core_solver.scene.aggregate import cloud, ground_depth, median_depth, median_picture, thin_evenly
+from core_solver.scene.aggregate import cloud, ground_depth, median_depth, median_picture
+from core_solver.scene.thinning import thin_evenly
 from core_solver.tracking.tracks import BACKGROUND, UNCLAIMED, Modalities
 
 BENT = Camera(320, 240, 300.0, 290.0, 165.0, 118.0, (-0.15, 0.03, 0.002, -0.001, 0.0), "test")

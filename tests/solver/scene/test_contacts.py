@@ -3,6 +3,8 @@ import pytest
 
 from core_solver.body.skeleton import keypoint_index
 from core_solver.scene.contacts import contact_probability, still_feet
+from core_solver.scene.support import build_support
+from tests.solver.scene.rooms import BOX
 
 LEFT = [keypoint_index(f"left_{part}") for part in ("heel", "toe", "ankle")]
 RIGHT = [keypoint_index(f"right_{part}") for part in ("heel", "toe", "ankle")]
@@ -88,3 +90,16 @@ def test_contact_is_two_sided():
 def test_far_feet_are_given_more_room():
     assert contact(0.3, distance=3.0) < 0.05
     assert contact(0.3, distance=30.0) > 0.8
+
+
+def test_a_foot_on_a_box_is_in_contact_when_the_scene_says_that_it_stands_on_it():
+    """Heights are above the support: half a metre above the floor is none above a box of half a metre."""
+    depth, camera = BOX.depth(), BOX.camera
+    feet = BOX.to_camera([[[[0.1, 3.4, 0.46], [0.8, 3.4, 0.46]]]])  # on the box, and as high beside it
+    support = build_support(depth, camera, BOX.ground)
+    above = feet @ BOX.up - support.floor_under(feet)
+    result = contact_probability(above, np.ones((1, 1, 2)), np.full((1, 1), 3.4))[0, 0]
+    assert result[0] > 0.9
+    assert result[1] < 0.01
+    on_plane = contact_probability(BOX.ground.height_above(feet), np.ones((1, 1, 2)), np.full((1, 1), 3.4))
+    assert on_plane.max() < 0.01
