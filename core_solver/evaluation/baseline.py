@@ -54,10 +54,9 @@ def _poses(evidence: Evidence, body: BodyModel) -> tuple[Array, Array]:
 
 
 def _places(keypoints: Array, evidence: Evidence, camera: Camera) -> Array:
-    """Translations (N, T, 3), linear in time where a frame alone gives none."""
+    """Translations (N, T, 3), linear in time where a frame alone gives none: one without evidence has no weights."""
     rays = (evidence.pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
     gamma, placed = place(keypoints, rays, evidence.confidence)
-    placed &= evidence.valid
     for person, known in enumerate(placed):
         if not known.any():
             gamma[person] = _NOBODY

@@ -76,6 +76,8 @@ def test_skate_counts_the_resting_foot_only():
     contacts = np.zeros((1, 4, 2), bool)
     contacts[0, :3, 0] = True
     assert motion.foot_skate(soles, contacts, np.ones((1, 4), bool)) == pytest.approx((10 + 20) / 2)
+    contacts[0, 0, 0] = False  # landing is no sliding
+    assert motion.foot_skate(soles, contacts, np.ones((1, 4), bool)) == pytest.approx(20)
 
 
 def test_skate_of_nobody_at_rest_is_none():
