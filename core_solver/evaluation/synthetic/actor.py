@@ -47,7 +47,7 @@ class Actor:
         rest = self.body.rest_keypoints(self.physique.betas)
         return self._skin(rest, self.body.keypoint_weights, slice(None))
 
-    def vertices(self, frames: slice, rows: NDArray[np.int_] | None = None) -> Array:
+    def vertices(self, frames: slice, rows: NDArray[np.integer] | None = None) -> Array:
         """(t, P, 3) of some frames; all vertices, or only some rows."""
         rows = np.arange(len(self.body.template)) if rows is None else rows
         rest = self.body.rest_vertices(self.physique.betas)[rows]

@@ -2,7 +2,9 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
+from core_solver.body.skeleton import joint_index
 from core_solver.evaluation.synthetic.physique import SIDES, Physique
 
 Array = NDArray[np.float64]
@@ -12,7 +14,49 @@ _STRAIGHTEST, _MOST_BENT = 0.06, 2.6  # radians of the knee
 
 def longest_reach(person: Physique) -> Array:
     """(2,) metres from hip to ankle of the almost straight left and right leg."""
-    return np.array([np.linalg.norm(_hip_to_ankle(person, side, np.array([_STRAIGHTEST]))[0]) for side in SIDES])
+    straight = np.array([_STRAIGHTEST])
+    return np.array([float(np.linalg.norm(_hip_to_ankle(person, side, straight))) for side in SIDES])
+
+
+def highest_pelvis(place: Array, wanted: Array, ankle: Array, root: Array, person: Physique, rate: float) -> Array:
+    """Smooth heights (T,) of the root joint, as wanted where both legs are long enough and lower elsewhere.
+
+    Args:
+        place: (T, 2) of the root joint over the ground.
+        wanted: (T,) metres.
+        ankle: (T, 2, 3) of both feet.
+        root: (T, 3, 3) rotation of the pelvis.
+        person: whose legs.
+        rate: frames a second.
+    """
+    hips = np.stack([root @ person.bone(f"{side}_hip", "pelvis") for side in SIDES], axis=1)
+    across = np.linalg.norm(place[:, None] + hips[..., :2] - ankle[..., :2], axis=2)
+    reach = ankle[..., 2] - hips[..., 2] + np.sqrt(np.maximum(longest_reach(person) ** 2 - across**2, 0.01))
+    # A minimum over a window, then a mean over the same window: smooth, and nowhere above the bound.
+    radius = max(1, round(0.07 * rate))
+    bound = minimum_filter1d(np.minimum(reach.min(axis=1), wanted), 2 * radius + 1, mode="nearest")
+    return gaussian_filter1d(bound, radius / 2, mode="nearest", radius=radius)
+
+
+def bend_legs(rotations: Array, pelvis: Array, ankle: Array, foot: Array, toe_bend: Array, person: Physique) -> None:
+    """Set the rotations of hips, knees, ankles and toes so that the feet are where they should be.
+
+    Args:
+        rotations: (T, 24, 3, 3) relative to the parents, the root's to the world; changed in place.
+        pelvis: (T, 3) of the root joint.
+        ankle: (T, 2, 3) of the feet.
+        foot: (T, 2, 3, 3) of the feet behind the ball, from the rest pose to the world.
+        toe_bend: (T, 2) radians by which the toes are bent up.
+        person: whose legs.
+    """
+    root = rotations[:, 0]
+    for side, name in enumerate(SIDES):
+        hip = pelvis + root @ person.bone(f"{name}_hip", "pelvis")
+        thigh, knee = leg_rotations(person, name, ankle[:, side] - hip, root, foot[:, side])
+        rotations[:, joint_index(f"{name}_hip")] = np.swapaxes(root, 1, 2) @ thigh
+        rotations[:, joint_index(f"{name}_knee")] = knee
+        rotations[:, joint_index(f"{name}_ankle")] = np.swapaxes(thigh @ knee, 1, 2) @ foot[:, side]
+        rotations[:, joint_index(f"{name}_foot")] = _about_x(-toe_bend[:, side])
 
 
 def leg_rotations(person: Physique, side: str, ankle: Array, root: Array, foot: Array) -> tuple[Array, Array]:

@@ -1,23 +1,26 @@
 """From a script to joint rotations: pelvis over the feet, legs by inverse kinematics, trunk and arms by gestures."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+from scipy.ndimage import gaussian_filter1d
 
 from core_solver.body.skeleton import joint_index
-from core_solver.evaluation.synthetic.legs import leg_rotations, longest_reach
+from core_solver.evaluation.synthetic.legs import bend_legs, highest_pelvis, longest_reach
 from core_solver.evaluation.synthetic.path import GESTURES, GRAVITY, RootPath, Script, root_path
 from core_solver.evaluation.synthetic.physique import SIDES, Physique
-from core_solver.evaluation.synthetic.steps import FootMotion, ball_joint, move_feet, plan_steps
+from core_solver.evaluation.synthetic.steps import FootMotion, move_feet, plan_steps
 from core_solver.evaluation.synthetic.world import Terrain
-from core_solver.geometry import matrix_from_rotvec, rotvec_from_matrix
+from core_solver.geometry import matrix_from_rotvec
 
 Array = NDArray[np.float64]
 
 # Rest axes of the body (x left, y up, z front) in a world (z up) in which it faces along x.
 _FACING_X = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+_AHEAD = 0.042  # of the stature: the pelvis before the ankles
+_SITTING_BACK = 0.25
 _STANDING = 0.985  # of the longest reach: nobody stands with locked knees
 
 
@@ -53,7 +56,7 @@ def perform(script: Script, person: Physique, terrain: Terrain, times: Array, rn
     pelvis = _pelvis(path, feet, person, upright, times, rate)
     rotations = np.broadcast_to(np.eye(3), (len(times), 24, 3, 3)).copy()
     rotations[:, 0] = upright
-    _bend_legs(rotations, pelvis, feet, person)
+    bend_legs(rotations, pelvis, feet.ankle, feet.rotation, feet.toe_bend, person)
     _pose_trunk(rotations, path, times, swing, rng)
     _pose_arms(rotations, path, times, swing, rng)
     return Performance(rotations, pelvis)
@@ -86,7 +89,11 @@ def _pelvis(path: RootPath, feet: FootMotion, person: Physique, upright: Array, 
     shift = gaussian_filter1d(np.einsum("tc,tc->t", loaded, left), sigma, mode="nearest")
     dance = path.at(path.gestures, times)[:, GESTURES.index("dance")]
     shift = 0.45 * shift + dance * 0.05 * person.leg * np.sin(2 * np.pi * 0.9 * times)
-    place = path.at(path.position, times) + shift[:, None] * left
+    # Who stands has the centre of mass over the middle of the feet, which reach farther to the front than behind;
+    # who crouches, whose trunk leans forwards, sits back.
+    ahead = _AHEAD * person.height - _SITTING_BACK * person.leg * path.at(path.crouch, times)
+    front = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    place = path.at(path.position, times) + shift[:, None] * left + ahead[:, None] * front
 
     hips = np.stack([upright @ person.bone(f"{side}_hip", "pelvis") for side in SIDES], axis=1)
     reach = longest_reach(person)
@@ -95,14 +102,9 @@ def _pelvis(path: RootPath, feet: FootMotion, person: Physique, upright: Array, 
     bounce = dance * 0.03 * person.leg * (1 - np.cos(2 * np.pi * 1.8 * times))
     ground = gaussian_filter1d(feet.ground.mean(axis=1), sigma, mode="nearest")
     flight = _flight(path, times)
-    wanted = ground + stand - crouch - bounce
-    across = np.linalg.norm(place[:, None] + hips[..., :2] - feet.ankle[..., :2], axis=2)
-    highest = feet.ankle[..., 2] - hips[..., 2] + np.sqrt(np.maximum(reach**2 - across**2, 0.01))
-    highest = np.minimum(highest.min(axis=1) - flight, wanted)
-    # A minimum over a window, then a mean over the same window: smooth, and nowhere above the bound.
-    radius = max(1, round(0.07 * rate))
-    bound = minimum_filter1d(highest, 2 * radius + 1, mode="nearest")
-    height = gaussian_filter1d(bound, radius / 2, mode="nearest", radius=radius)
+    height = highest_pelvis(
+        place, ground + stand - crouch - bounce, feet.ankle - [0, 0, 1] * flight[:, None, None], upright, person, rate
+    )
     return np.column_stack([place, height + flight])
 
 
@@ -113,18 +115,6 @@ def _flight(path: RootPath, times: Array) -> Array:
         inside = (times > takeoff) & (times < landing)
         height[inside] = GRAVITY / 2 * ((times - takeoff) * (landing - times))[inside]
     return height
-
-
-def _bend_legs(rotations: Array, pelvis: Array, feet: FootMotion, person: Physique) -> None:
-    root = rotations[:, 0]
-    for side, name in enumerate(SIDES):
-        hip = pelvis + root @ person.bone(f"{name}_hip", "pelvis")
-        thigh, knee = leg_rotations(person, name, feet.ankle[:, side] - hip, root, feet.rotation[:, side])
-        rotations[:, joint_index(f"{name}_hip")] = np.swapaxes(root, 1, 2) @ thigh
-        rotations[:, joint_index(f"{name}_knee")] = knee
-        rotations[:, joint_index(f"{name}_ankle")] = np.swapaxes(thigh @ knee, 1, 2) @ feet.rotation[:, side]
-        bend = -feet.toe_bend[:, side]
-        rotations[:, ball_joint(side)] = matrix_from_rotvec(np.stack([bend, 0 * bend, 0 * bend], axis=1))
 
 
 def _pose_trunk(rotations: Array, path: RootPath, times: Array, swing: Array, rng: np.random.Generator) -> None:
@@ -153,6 +143,19 @@ class _Arm:
     twist: Array
     fold: Array
 
+    def blend(self, shares: Array, others: Sequence["_Arm"]) -> "_Arm":
+        """This pose mixed with (T, G) shares of G others."""
+
+        def mixed(own: Array, goals: Sequence[Array]) -> Array:
+            return own + np.sum([share * (goal - own) for share, goal in zip(shares.T, goals, strict=True)], axis=0)
+
+        return _Arm(
+            mixed(self.lower, [other.lower for other in others]),
+            mixed(self.swing, [other.swing for other in others]),
+            mixed(self.twist, [other.twist for other in others]),
+            mixed(self.fold, [other.fold for other in others]),
+        )
+
 
 def _pose_arms(rotations: Array, path: RootPath, times: Array, swing: Array, rng: np.random.Generator) -> None:
     gestures = path.at(path.gestures, times)
@@ -175,19 +178,7 @@ def _arm(times: Array, gestures: Array, swing: Array, side: int, rng: np.random.
     waving = hanging if side == 0 else _Arm(0.15 + 0 * times, 0 * times, 1.45 + 0 * times, 1.35 + wave)
     cheering = _Arm(-0.9 + 0.12 * np.sin(2 * beat), 0 * times, 0.6 + 0 * times, 0.6 + 0.3 * np.sin(2 * beat))
     dancing = _Arm(0.6 + 0.4 * np.sin(beat + 2 * side), 0.3 * np.cos(beat), 0.4 + 0 * times, 1.0 + 0.5 * np.cos(beat))
-    poses = (waving, talking, cheering, dancing)
-    return _Arm(
-        *(
-            sum(
-                (
-                    share * (getattr(pose, angle) - getattr(hanging, angle))
-                    for share, pose in zip(gestures.T, poses, strict=True)
-                ),
-                start=getattr(hanging, angle),
-            )
-            for angle in ("lower", "swing", "twist", "fold")
-        )
-    )
+    return hanging.blend(gestures, (waving, talking, cheering, dancing))  # in the order of GESTURES
 
 
 def wander(rng: np.random.Generator, times: Array, frequency: float) -> Array:
@@ -200,8 +191,3 @@ def wander(rng: np.random.Generator, times: Array, frequency: float) -> Array:
 def _about(axis: int, angle: Array) -> Array:
     """(T, 3, 3) rotations about one of the rest axes."""
     return matrix_from_rotvec(angle[:, None] * np.eye(3)[axis])
-
-
-def theta_of(rotations: Array) -> Array:
-    """(T, 24, 3) axis-angle of (T, 24, 3, 3)."""
-    return rotvec_from_matrix(rotations)

@@ -25,6 +25,7 @@ class Physique:
         scale: of the whole body.
         height: stature.
         joints: (24, 3) of the rest pose.
+        keypoints: (25, 3) of the rest pose.
         ankle_height: (2,) of the left and right ankle above the lowest point of its sole, in the rest pose.
         heel: (2,) how far the sole reaches behind the ankle.
         toe: (2,) how far it reaches to the front.
@@ -34,6 +35,7 @@ class Physique:
     scale: float
     height: float
     joints: Array
+    keypoints: Array
     ankle_height: Array
     heel: Array
     toe: Array
@@ -71,6 +73,7 @@ def physique(body: BodyModel, height: float, shape: Array) -> Physique:
         scale=scale,
         height=height,
         joints=joints,
+        keypoints=scale * body.rest_keypoints(betas),
         ankle_height=ankles[:, 1] - soles[..., 1].min(axis=1),
         heel=ankles[:, 2] - soles[..., 2].min(axis=1),
         toe=soles[..., 2].max(axis=1) - ankles[:, 2],

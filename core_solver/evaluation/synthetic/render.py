@@ -87,7 +87,7 @@ def _share_inside(bodies: Array, camera: Camera) -> Array:
 
 
 def _in_picture(pixels: Array, camera: Camera) -> NDArray[np.bool_]:
-    return ((pixels >= 0) & (pixels < (camera.width, camera.height))).all(axis=-1)
+    return np.all((pixels >= 0) & (pixels < (camera.width, camera.height)), axis=-1, keepdims=True)[..., 0]
 
 
 def _compose(

@@ -1,7 +1,7 @@
 """From a plan of who does what where to a finished scene."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,20 +9,23 @@ from numpy.typing import NDArray
 from core_solver.body.model import BodyModel
 from core_solver.camera import Camera
 from core_solver.evaluation.synthetic.actor import Actor, put_before_camera
-from core_solver.evaluation.synthetic.corrupt import corrupt_frames, corrupt_tracks
 from core_solver.evaluation.synthetic.noise import NoiseLevels
 from core_solver.evaluation.synthetic.path import Script
-from core_solver.evaluation.synthetic.perform import perform
+from core_solver.evaluation.synthetic.perform import Performance, perform
 from core_solver.evaluation.synthetic.physique import Physique
 from core_solver.evaluation.synthetic.render import Grids, render_frames
+from core_solver.evaluation.synthetic.replay import Replay, replay
+from core_solver.evaluation.synthetic.spoil_pictures import spoil_frames
+from core_solver.evaluation.synthetic.spoil_tracks import spoil_tracks
 from core_solver.evaluation.synthetic.world import SeenTerrain, Terrain, View
 from core_solver.evaluation.truth import SyntheticScene, Truth
 from core_solver.optimise.solve import sole_rows
-from core_solver.tracking.tracks import Modalities
+from core_solver.tracking.tracks import BACKGROUND, UNCLAIMED, Modalities, Track
 
 Array = NDArray[np.float64]
 
 _PRESENT = 0.05  # share of a body that must be seen for the person to count as being there
+_SHORTEST_TRACK = 10  # frames: whom tracking finds in fewer it drops
 _STILL_M = 1e-3  # a frame
 _RESTING_M = 5e-3
 
@@ -33,11 +36,17 @@ class Role:
 
     Attributes:
         physique: the body.
-        script: the motion.
+        motion: acted or replayed; a replay stands on level ground at height 0.
     """
 
     physique: Physique
-    script: Script
+    motion: Script | Replay
+
+    def perform(self, terrain: Terrain, times: Array, rng: np.random.Generator) -> Performance:
+        """The motion of this body at (T,) seconds."""
+        if isinstance(self.motion, Replay):
+            return replay(self.motion, self.physique, times)
+        return perform(self.motion, self.physique, terrain, times, rng)
 
 
 @dataclass(frozen=True)
@@ -66,28 +75,42 @@ class Plan:
 
 
 def stage(plan: Plan, body: BodyModel, rng: np.random.Generator) -> SyntheticScene:
-    """Act, render and corrupt a plan."""
+    """Act, render and spoil a plan."""
     actors = [
-        put_before_camera(
-            perform(role.script, role.physique, plan.terrain, plan.times, rng), role.physique, body, plan.view
-        )
+        put_before_camera(role.perform(plan.terrain, plan.times, rng), role.physique, body, plan.view)
         for role in plan.roles
     ]
     scenery = SeenTerrain(plan.terrain, plan.view)
     keypoints = np.stack([actor.keypoints for actor in actors])
     frames = render_frames(actors, keypoints, scenery, plan.camera, plan.grids)
-    pictures, sight = corrupt_frames(frames, len(actors), plan.times, plan.grids, plan.levels, rng)
-    tracks = corrupt_tracks(actors, keypoints, sight, plan.camera, plan.times, plan.levels, rng)
+    pictures, sight = spoil_frames(frames, len(actors), plan.times, plan.grids, plan.levels, rng)
+    tracks = spoil_tracks(actors, keypoints, sight, plan.camera, plan.times, plan.levels, rng)
+    tracked = _long_enough(tracks)
     modalities = Modalities(
         times=plan.times,
         frames=np.arange(len(plan.times)),
         image_size=(plan.camera.width, plan.camera.height),
-        tracks=tracks,
-        labels=pictures.labels,
+        tracks=tuple(replace(tracks[n], id=number) for number, n in enumerate(tracked, start=1)),
+        labels=_relabelled(pictures.labels, tracked),
         disparity=pictures.disparity,
     )
-    truth = _truth(actors, sight.visible > _PRESENT, scenery)
+    truth = _truth([actors[n] for n in tracked], sight.visible[tracked] > _PRESENT, scenery)
     return SyntheticScene(plan.name, body, plan.camera, modalities, truth)
+
+
+def _long_enough(tracks: Sequence[Track]) -> list[int]:
+    """People who were found often enough to become tracks; everybody if nobody was."""
+    frames = min(_SHORTEST_TRACK, len(tracks[0].valid))
+    return [n for n, track in enumerate(tracks) if track.valid.sum() >= frames] or list(range(len(tracks)))
+
+
+def _relabelled(labels: NDArray[np.uint8], tracked: Sequence[int]) -> NDArray[np.uint8]:
+    """Labels that count tracked people only; the others' pixels belong to nobody."""
+    new = np.full(256, UNCLAIMED, np.uint8)
+    new[BACKGROUND] = BACKGROUND
+    for number, n in enumerate(tracked, start=1):
+        new[n + 1] = number
+    return new[labels]
 
 
 def _truth(actors: Sequence[Actor], present: NDArray[np.bool_], scenery: SeenTerrain) -> Truth:

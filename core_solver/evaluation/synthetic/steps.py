@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core_solver.body.skeleton import joint_index
 from core_solver.evaluation.synthetic.path import GRAVITY, RootPath
 from core_solver.evaluation.synthetic.physique import SIDES, Physique
 from core_solver.evaluation.synthetic.world import Terrain
@@ -108,7 +107,8 @@ def plan_steps(path: RootPath, person: Physique, terrain: Terrain) -> tuple[tupl
             time += 1 / 30
             continue
         forward = (wanted[side].point - feet[side].point) @ feet[side].frame[:, 2]
-        rise = _HEEL_RISE * float(np.clip(forward / (1.2 * leg), 0, 1))
+        climb = abs(wanted[side].point[2] - feet[side].point[2])
+        rise = _HEEL_RISE * float(np.clip(forward / (1.2 * leg) + climb / (0.4 * leg), 0, 1))
         steps.append(Step(side, time, land, feet[side], wanted[side], rise))
         feet[side], last, time = wanted[side], side, time + pace
     return first, steps
@@ -196,11 +196,11 @@ def _pose_in_step(step: Step, time: float) -> _Pose:
     u = (time - step.lift) / (step.land - step.lift)
     if u >= 1:
         return _Pose(step.end.point, step.end.frame, 0.0, 0.0)
-    s = _smooth(u)
-    point = (1 - s) * step.start.point + s * step.end.point
     climb = step.end.point[2] - step.start.point[2]
     # Upwards the foot rises before it goes forwards, downwards it goes forwards before it sinks.
-    level = _smooth(1.7 * u) if climb > 0 else _smooth(1.7 * u - 0.7)
+    s = _smooth(u if climb <= 0 else (u - 0.25) / 0.75)
+    point = (1 - s) * step.start.point + s * step.end.point
+    level = _smooth(2 * u) if climb > 0 else _smooth(1.7 * u - 0.7)
     raised = 16 * u**2 * (1 - u) ** 2 * (_CLEARANCE + 0.5 * abs(climb))
     if step.jump_height:
         raised = 4 * u * (1 - u) * step.jump_height
@@ -225,8 +225,3 @@ def _smooth(u: float) -> float:
     """From 0 to 1 with the least jerk."""
     u = min(max(u, 0.0), 1.0)
     return u**3 * (10 - 15 * u + 6 * u**2)
-
-
-def ball_joint(side: int) -> int:
-    """Index of the joint about which the toes bend."""
-    return joint_index(f"{SIDES[side]}_foot")

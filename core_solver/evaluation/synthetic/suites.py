@@ -1,6 +1,6 @@
 """The benchmark's suites: which scenes there are for a seed."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from zlib import crc32
@@ -9,15 +9,40 @@ import numpy as np
 
 from core_solver.body.model import BodyModel
 from core_solver.camera import camera_from_fov
-from core_solver.evaluation.synthetic.casting import ACTS, TERRAINS, Shot, draw_roles, draw_shot, draw_terrain
+from core_solver.evaluation.synthetic.casting import ACTS, Setting, circling_roles, draw_roles
 from core_solver.evaluation.synthetic.noise import NoiseLevels
+from core_solver.evaluation.synthetic.recording import Recording, read_recordings
 from core_solver.evaluation.synthetic.render import Grids
+from core_solver.evaluation.synthetic.scenery import TERRAINS, draw_shot, draw_terrain
 from core_solver.evaluation.synthetic.stage import Plan, stage
 from core_solver.evaluation.synthetic.world import Terrain, look
 from core_solver.evaluation.truth import SyntheticScene
 
+_CHILDREN = 0.35  # of the people
+_SHORTEST_S = 2.0  # a single picture is the first of a short clip
 _LABELS, _DISPARITY = 320, 256  # longer sides of the grids
 _SMALL_LABELS, _SMALL_DISPARITY = 192, 128
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a scene is drawn from.
+
+    Attributes:
+        name: unique within its suite.
+        people: fewest and most.
+        acts: of which everybody gets another one as far as there are enough.
+        terrains: of which there is one.
+        errors: how much larger than measured the modalities' errors are.
+        frames: fewest and most.
+    """
+
+    name: str
+    people: tuple[int, int]
+    acts: tuple[str, ...]
+    terrains: tuple[str, ...]
+    errors: float = 1.0
+    frames: tuple[int, int] = (75, 90)
 
 
 @dataclass(frozen=True)
@@ -26,15 +51,39 @@ class Suite:
 
     Attributes:
         name: for the command line.
-        scenes: a seed gives this many.
         description: one line for people.
-        draw: makes one scene's plan from its random numbers and its number.
+        kinds: one for each scene of a seed.
     """
 
     name: str
-    scenes: int
     description: str
-    draw: Callable[[np.random.Generator, int, BodyModel], Plan]
+    kinds: tuple[Kind, ...]
+
+
+SUITES = {
+    suite.name: suite
+    for suite in (
+        Suite(
+            "standard",
+            "two scenes of 1 to 5 adults and children, all motions and sceneries, errors as measured on real clips",
+            (Kind("one", (1, 5), ACTS, TERRAINS), Kind("two", (2, 5), ACTS, TERRAINS)),
+        ),
+        Suite(
+            "ablation",
+            "one scene of 2 or 3 people on a floor with or without boxes, errors as measured on real clips",
+            (Kind("one", (2, 3), ("walk", "cross", "talk", "jump", "dance"), ("flat", "boxes")),),
+        ),
+        Suite(
+            "stress",
+            "five people who cross, enter, leave and jump on stairs, errors 1.6 times as large; one picture; one still",
+            (
+                Kind("crowd", (5, 5), ("cross", "cross", "enter", "leave", "jump"), ("stairs",), 1.6, (90, 110)),
+                Kind("picture", (1, 1), ("stand",), ("flat",), frames=(1, 1)),
+                Kind("still", (1, 1), ("stand",), TERRAINS[:2]),
+            ),
+        ),
+    )
+}
 
 
 def suite_scenes(suite: str, seed: int, body: BodyModel, motions: Path | None = None) -> Iterator[SyntheticScene]:
@@ -44,84 +93,69 @@ def suite_scenes(suite: str, seed: int, body: BodyModel, motions: Path | None = 
         suite: name of one of SUITES.
         seed: not negative.
         body: body model.
-        motions: folder of BVH files; without one all motion is procedural.
+        motions: folder of BVH files, which then move most people on level ground; without one all motion is procedural.
 
     Raises:
         KeyError: no such suite.
+        MotionFileError: the folder holds no usable BVH file.
     """
-    for number in range(SUITES[suite].scenes):
-        rng = scene_generator(suite, seed, number)
-        yield stage(SUITES[suite].draw(rng, number, body), body, rng)
+    recordings = read_recordings(motions) if motions else ()
+    for number, kind in enumerate(SUITES[suite].kinds):
+        rng = _generator(suite, seed, number)
+        yield stage(_draw_plan(rng, kind, body, recordings), body, rng)
 
 
-def scene_generator(suite: str, seed: int, number: int) -> np.random.Generator:
+def sized_scene(frames: int, people: int, seed: int, body: BodyModel) -> SyntheticScene:
+    """A plain scene of any size for measurements of speed: people walk in circles on a flat floor; small pictures.
+
+    Args:
+        frames: T, at 30 a second.
+        people: N; more than about 20 do not fit into the picture.
+        seed: not negative.
+        body: body model.
+    """
+    rng = _generator("sized", seed, people)
+    times = np.arange(frames) / 30
+    plan = Plan(
+        name=f"sized-{frames}x{people}",
+        camera=camera_from_fov(1280, 720, 65, "truth"),
+        view=look((0, 0, 2.4), (0, 6.0, 0.9), 0.02),
+        terrain=Terrain(),
+        roles=circling_roles(rng, body, people, float(times[-1])),
+        times=times,
+        levels=NoiseLevels(),
+        grids=_grids((1280, 720), _SMALL_LABELS, _SMALL_DISPARITY),
+    )
+    return stage(plan, body, rng)
+
+
+def _generator(suite: str, seed: int, number: int) -> np.random.Generator:
     """Random numbers of one scene, independent of all other scenes'."""
     return np.random.default_rng([crc32(suite.encode()), seed, number])
 
 
-def sized_scene(frames: int, people: int, seed: int, body: BodyModel) -> SyntheticScene:
-    """A plain scene of any size for measurements of speed: people on a flat floor, small pictures."""
-    rng = scene_generator("sized", seed, people)
-    camera = camera_from_fov(1280, 720, 65, "truth")
-    shot = Shot(camera, look((0, 0, 2.2), (0, 5.5, 0.9), 0.02), 4.0, 8.5)
-    times = np.arange(frames) / 30
-    acts = tuple(("walk", "stand", "talk", "dance", "wave")[n % 5] for n in range(people))
-    children = tuple(n % 3 == 1 for n in range(people))
-    roles = draw_roles(rng, body, shot, Terrain(), float(times[-1]), children, acts)
-    grids = _grids(1280, 720, _SMALL_LABELS, _SMALL_DISPARITY)
-    return stage(Plan("sized", camera, shot.view, Terrain(), roles, times, NoiseLevels(), grids), body, rng)
-
-
-def _grids(width: int, height: int, labels: int, disparity: int) -> Grids:
-    longer = max(width, height)
-    sizes = [(round(width * side / longer), round(height * side / longer)) for side in (labels, disparity)]
-    return Grids(*sizes)
-
-
-def _standard(rng: np.random.Generator, number: int, body: BodyModel) -> Plan:
-    people = int(rng.integers(1, 6)) if number == 0 else int(rng.integers(2, 5))
-    return _drawn(rng, f"standard-{number}", body, people, ACTS, TERRAINS, NoiseLevels())
-
-
-def _ablation(rng: np.random.Generator, number: int, body: BodyModel) -> Plan:
-    acts = ("walk", "cross", "talk", "jump", "dance")
-    return _drawn(rng, f"ablation-{number}", body, int(rng.integers(2, 4)), acts, ("flat", "boxes"), NoiseLevels())
-
-
-def _stress(rng: np.random.Generator, number: int, body: BodyModel) -> Plan:
-    if number == 1:
-        return _drawn(rng, "stress-moment", body, 1, ("stand",), ("flat",), NoiseLevels(), frames=1)
-    if number == 2:
-        return _drawn(rng, "stress-still", body, 1, ("stand",), ("flat",), NoiseLevels())
-    acts = ("cross", "cross", "enter", "leave", "jump")
-    return _drawn(rng, "stress-crowd", body, 5, acts, ("stairs",), NoiseLevels().times(1.6))
-
-
-def _drawn(
-    rng: np.random.Generator, name: str, body: BodyModel, people: int, acts: tuple[str, ...],
-    terrains: tuple[str, ...], levels: NoiseLevels, frames: int = 0,
-) -> Plan:  # fmt: skip
+def _draw_plan(rng: np.random.Generator, kind: Kind, body: BodyModel, recordings: Sequence[Recording]) -> Plan:
     shot = draw_shot(rng)
-    terrain = draw_terrain(rng, terrains[rng.integers(len(terrains))], shot)
-    rate = float(rng.choice([25.0, 30.0]))
-    times = np.arange(frames or int(rng.integers(75, 91))) / rate
-    children = tuple(rng.random(people) < 0.35)
-    chosen = tuple(str(act) for act in rng.choice(acts, size=people, replace=people > len(acts)))
-    roles = draw_roles(rng, body, shot, terrain, float(times[-1]), children, chosen)
-    grids = _grids(shot.camera.width, shot.camera.height, _LABELS, _DISPARITY)
-    return Plan(name, shot.camera, shot.view, terrain, roles, times, levels, grids)
-
-
-SUITES = {
-    suite.name: suite
-    for suite in (
-        Suite("standard", 2, "1 to 5 adults and children, all motions and sceneries, errors as measured", _standard),
-        Suite("ablation", 1, "2 or 3 people on a flat floor or boxes, errors as measured", _ablation),
-        Suite(
-            "stress",
-            3,
-            "5 people who cross, enter and leave on stairs under strong errors; one frame; one still person",
-            _stress,
-        ),
+    terrain = draw_terrain(rng, str(rng.choice(kind.terrains)), shot)
+    people = int(rng.integers(kind.people[0], kind.people[1] + 1))
+    times = np.arange(rng.integers(kind.frames[0], kind.frames[1] + 1)) / float(rng.choice([25.0, 30.0]))
+    setting = Setting(shot, terrain, max(float(times[-1]), _SHORTEST_S), tuple(recordings))
+    children = [bool(child) for child in rng.random(people) < _CHILDREN]
+    acts = [str(act) for act in rng.choice(kind.acts, size=people, replace=people > len(kind.acts))]
+    return Plan(
+        name=kind.name,
+        camera=shot.camera,
+        view=shot.view,
+        terrain=terrain,
+        roles=draw_roles(rng, body, setting, children, acts),
+        times=times,
+        levels=NoiseLevels().times(kind.errors),
+        grids=_grids((shot.camera.width, shot.camera.height), _LABELS, _DISPARITY),
     )
-}
+
+
+def _grids(image: tuple[int, int], labels: int, disparity: int) -> Grids:
+    def size(side: int) -> tuple[int, int]:
+        return round(image[0] * side / max(image)), round(image[1] * side / max(image))
+
+    return Grids(size(labels), size(disparity))
