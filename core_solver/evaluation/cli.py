@@ -97,7 +97,7 @@ def _benchmark(options: argparse.Namespace, cases: tuple[Case, ...], body: BodyM
 
     return Benchmark(
         scenes=lambda seed: suite_scenes(options.suite, seed, body, options.motions),
-        scene_count=SUITES[options.suite].scenes,
+        scene_count=len(SUITES[options.suite].kinds),
         seeds=options.seeds,
         cases=cases,
         cache=ScoreCache(options.output / "cache", f"{options.suite} {_motions(options)} {body.id}"),
@@ -107,7 +107,7 @@ def _benchmark(options: argparse.Namespace, cases: tuple[Case, ...], body: BodyM
 
 def _origin(options: argparse.Namespace, body: BodyModel) -> Origin:
     from core_solver.evaluation.report import Origin  # noqa: PLC0415
-    from core_solver.evaluation.synthetic.noise import NoiseLevels  # noqa: PLC0415
+    from core_solver.evaluation.synthetic import NoiseLevels  # noqa: PLC0415
 
     motions = "built in" if options.motions is None else options.motions.name
     return Origin(options.suite, options.seeds, motions, body.id, options.jobs, vars(NoiseLevels()))

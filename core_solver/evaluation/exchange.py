@@ -20,6 +20,7 @@ _BODY_ARRAYS = (
 )  # fmt: skip
 _TRACK_ARRAYS = ("valid", "keypoints", "confidence", "landmarks")
 _GROUND = "ground."
+_NUMBERS = ("seconds", "cpu_seconds", "peak_mb")
 
 Arrays = Mapping[str, NDArray]
 
@@ -45,12 +46,14 @@ class Outcome:
 
     Attributes:
         solution: all people.
-        seconds: of the solve alone.
+        seconds: of the solve alone, by the clock.
+        cpu_seconds: of all its threads; on a busy machine the fairer number.
         peak_mb: highest resident memory of its process, 10^6 bytes.
     """
 
     solution: Solution
     seconds: float
+    cpu_seconds: float
     peak_mb: float
 
 
@@ -100,7 +103,8 @@ def write_outcome(path: Path, outcome: Outcome) -> None:
     solution = outcome.solution
     arrays = {field.name: getattr(solution, field.name) for field in fields(Solution) if field.name != "ground"}
     ground = {_GROUND + field.name: getattr(solution.ground, field.name) for field in fields(GroundFrame)}
-    np.savez(path, seconds=outcome.seconds, peak_mb=outcome.peak_mb, **arrays, **ground)
+    numbers = {name: getattr(outcome, name) for name in _NUMBERS}
+    np.savez(path, **numbers, **arrays, **ground)
 
 
 def read_outcome(path: Path) -> Outcome:
@@ -109,4 +113,4 @@ def read_outcome(path: Path) -> Outcome:
         arrays = {name: archive[name] for name in archive.files}
     ground = GroundFrame(arrays[_GROUND + "gravity"], arrays[_GROUND + "normal"], float(arrays[_GROUND + "offset"]))
     known = {field.name: arrays[field.name] for field in fields(Solution) if field.name != "ground"}
-    return Outcome(Solution(ground=ground, **known), float(arrays["seconds"]), float(arrays["peak_mb"]))
+    return Outcome(Solution(ground=ground, **known), **{name: float(arrays[name]) for name in _NUMBERS})

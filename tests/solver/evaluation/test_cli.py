@@ -34,7 +34,7 @@ def tiny(monkeypatch, tmp_path):
 
     def use(scenes, count):
         monkeypatch.setattr(synthetic, "suite_scenes", lambda _suite, seed, *_: scenes(seed))
-        monkeypatch.setattr(synthetic, "SUITES", {"standard": SimpleNamespace(scenes=count)})
+        monkeypatch.setattr(synthetic, "SUITES", {"standard": SimpleNamespace(kinds=range(count))})
 
     monkeypatch.setattr(ModelStore, "require", lambda *_: tmp_path)
     monkeypatch.setattr(bodies, "load_body", lambda _: make_stick_body())

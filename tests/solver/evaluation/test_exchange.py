@@ -36,6 +36,6 @@ def test_a_problem_comes_back_whole(tmp_path, with_depth):
 
 
 def test_an_outcome_comes_back_whole(tmp_path):
-    outcome = Outcome(make_fake().solution, 12.5, 345.0)
+    outcome = Outcome(make_fake().solution, 12.5, 20.5, 345.0)
     write_outcome(tmp_path / "o.npz", outcome)
     assert_same(outcome, read_outcome(tmp_path / "o.npz"))

@@ -92,7 +92,7 @@ def test_a_solution_that_is_not_finite_is_a_failure(cache, monkeypatch):
         yield from jobs
 
     monkeypatch.setattr(runner, "run_jobs", pretend)
-    monkeypatch.setattr(Job, "result", lambda _: processes.Outcome(broken, 1.0, 100.0))
+    monkeypatch.setattr(Job, "result", lambda _: processes.Outcome(broken, 1.0, 1.0, 100.0))
     results = run_benchmark(Benchmark(lambda _: [fake.scene], 1, (0,), CASES, cache), SilentProgress())
     assert results.scored == ()
     assert "not finite" in results.failures[0].reason

@@ -8,17 +8,17 @@ from tests.solver.evaluation.fakes import start_here
 
 
 def test_growth_is_one_where_time_is_linear_in_person_frames():
-    first = Timing(300, 3, 9.0, 500)
+    first = Timing(300, 3, 5.0, 9.0, 500)
     assert first.milliseconds == pytest.approx(10)
-    assert first.line(first).split() == ["300", "3", "9.0", "500", "10.00", "1.00"]
-    assert Timing(3000, 5, 300.0, 900).line(first).split()[-1] == "2.00"
+    assert first.line(first).split() == ["300", "3", "5.0", "9.0", "500", "10.00", "1.00"]
+    assert Timing(3000, 5, 160.0, 300.0, 900).line(first).split()[-1] == "2.00"
 
 
 @pytest.mark.parametrize(
     ("seconds", "peak_mb", "word"), [(20, 2000, "met"), (20.1, 100, "MISSED"), (1, 2001, "MISSED")]
 )
 def test_the_verdict_is_about_both_bars(seconds, peak_mb, word):
-    assert verdict(Timing(300, 3, seconds, peak_mb)).endswith(word)
+    assert verdict(Timing(300, 3, seconds, 99.0, peak_mb)).endswith(word)
 
 
 def test_a_size_is_solved_and_timed(monkeypatch):
