@@ -141,23 +141,21 @@ class _Assembly:
         count = sole_heights.shape[-1]
         index = which + torch.arange(2).to(which) * count
         chosen = _Moving(*(_take(values, index) for values in _fields(self._soles)))
-        heights, reach = lowest - motion.support[n], self._energy.reach(v, n)[0][:, None]
+        up, scale = self._energy.up(v), torch.exp(v.log_scale[n])
+        heights, reach = (lowest - motion.support[n]) / scale, self._energy.reach(v, n)[0][:, None]
         near = (heights.abs() < reach).to(heights.dtype)
         contact = w.contact * motion.contacts[n] * near / w.contact_sigma**2
         contact = contact * _charbonnier_slope((heights / w.contact_sigma) ** 2)
         below = (heights.clamp_max(0) / reach) ** 2
         penetration = w.penetration * self._energy.given.valid[n][:, None] * (heights < 0) / (reach * (1 + below)) ** 2
         weight = torch.sqrt(contact + penetration)
-        up, scale = self._energy.up(v), torch.exp(v.log_scale[n])
         border = heights.new_zeros(*heights.shape, BORDER)
-        metric = scale * chosen.points
-        border[..., _SCALE] = metric @ up
-        border[..., _BETAS] = scale * (up @ chosen.betas)
-        border[..., _GROUND] = torch.stack(
-            [metric @ self._energy.given.up[1], metric @ self._energy.given.up[2],
-             (self._energy.given.offset * torch.exp(v.ground[2])).expand_as(heights)], -1
-        )  # fmt: skip
-        frame = scale * (up @ chosen.frame)
+        border[..., _SCALE] = chosen.points @ up - heights
+        border[..., _BETAS] = up @ chosen.betas
+        distance = self._energy.given.offset * torch.exp(v.ground[2]) / scale
+        tilts = chosen.points @ self._energy.given.up[1:].T
+        border[..., _GROUND] = torch.cat([tilts, distance.expand(*heights.shape, 1)], -1)
+        frame = up @ chosen.frame
         return [_Rows(frame * weight[..., None], border * weight[..., None])]
 
     def _picture_rows(self) -> list[_Rows]:
@@ -196,10 +194,10 @@ class _Assembly:
         corner[own, own] += w.betas * len(v.theta[n]) * _charbonnier_slope((v.betas[n] - given.betas_hat[n]) ** 2)
         height = corner.new_zeros(BORDER)
         height[_SCALE] = 1
-        height[_BETAS] = given.height[1:] / (given.height[0] + given.height[1:] @ v.betas[n])
+        stature = given.height[1:] / (given.height[0] + given.height[1:] @ v.betas[n])
+        height[_BETAS] = stature
         corner += w.height / w.height_sigma**2 * torch.outer(height, height)
-        height[_SCALE] = 0
-        corner += w.betas * len(v.theta[n]) / w.stature_sigma**2 * torch.outer(height, height)
+        corner[_BETAS, _BETAS] += w.betas * len(v.theta[n]) / w.stature_sigma**2 * torch.outer(stature, stature)
 
     def _add_motion(self, blocks: Tensor) -> tuple[Tensor, Tensor]:
         frames = len(blocks)

@@ -181,16 +181,16 @@ class JointEnergy:
         return heights.unflatten(2, (2, -1))
 
     def reach(self, v: Variables, n: int) -> Tensor:
-        """(1, T) metres within which a sole is tied to the ground: the height of far feet is known less well."""
-        distance = torch.exp(v.log_scale[n]) * v.translation[n : n + 1, :, 2]
-        return (CONTACT_REACH * distance.detach()).clamp_min(terms.CONTACT_RANGE_M)
+        """(1, T) how far from the ground a sole is still tied to it, at unit scale: far feet are known less well."""
+        return (CONTACT_REACH * v.translation[n : n + 1, :, 2].detach()).clamp_min(terms.CONTACT_RANGE_M)
 
     def _ground_terms(self, v: Variables, n: int, posed: Posed) -> dict[str, Tensor]:
         contacts, support = self.motion.contacts, self.motion.support
         if contacts is None or support is None:
             return {}
         w, one = self.weights, slice(n, n + 1)
-        lowest = self.sole_heights(v, n, posed).amin(-1) - support[one]
+        # In bodies, not metres: contact must not be bought by shrinking the scene.
+        lowest = (self.sole_heights(v, n, posed).amin(-1) - support[one]) / torch.exp(v.log_scale[n])
         reach = self.reach(v, n)
         return {
             "contact": w.contact * terms.contact(lowest, contacts[one], reach, w.contact_sigma),
