@@ -43,13 +43,20 @@ class Case:
     @property
     def label(self) -> str:
         """For people."""
-        return self.preset if self.ablation is FULL else f"{self.preset}, {self.ablation.name}"
+        return label(self.preset, self.ablation.name)
 
     def settings(self) -> Preset | None:
         """The preset with its terms left out; None for the baseline, which has no settings."""
         if self.preset == baseline.NAME:
             return None
         return PRESETS[self.preset].without(*self.ablation.known_terms())
+
+
+def label(preset: str, ablation: str) -> str:
+    """What a case or its row is called: the preset, and what it lacks or, in the paper's second table, consists of."""
+    if ablation == FULL.name:
+        return preset
+    return f"{preset}, {ablation}" if ablation.startswith("E_I") else f"{preset}, no {ablation}"
 
 
 FULL = Ablation("none", ())
@@ -67,6 +74,7 @@ OWN_TABLE = (
     Ablation("contact and slip", _NO_CONTACT),
     Ablation("temporal", ("temporal",)),
     Ablation("acceleration", ("acceleration",)),
+    Ablation("collision", ("collision",)),
 )
 # The paper's table of stage I: each term of E_I left out.
 PAPER_STAGE_ONE_TABLE = (

@@ -54,8 +54,9 @@ def penetration(vertices: Array, scenery: Scenery, mask: Mask) -> float | None:
     The mean runs over the penetrating vertices alone: `penetration_share` says how many they are.
     """
     heights = _heights(vertices, scenery, mask)
-    below = heights[heights < -_PENETRATION_M]
-    return None if heights.size == 0 else float(-below.mean() * MILLIMETRES) if below.size else 0.0
+    if heights.size == 0:
+        return None
+    return mean_or_none(-heights[heights < -_PENETRATION_M] * MILLIMETRES) or 0.0
 
 
 def penetration_share(vertices: Array, scenery: Scenery, mask: Mask) -> float | None:

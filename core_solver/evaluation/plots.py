@@ -4,9 +4,10 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from core_solver.evaluation.cases import label
 from core_solver.evaluation.runner import Scored
 from core_solver.evaluation.scores import Row
-from core_solver.evaluation.table import COLUMNS, label
+from core_solver.evaluation.table import COLUMNS
 
 MISSING = "no pictures were drawn: install them with pip install 'scene-aware-mocap[benchmarks]'"
 
@@ -39,7 +40,7 @@ def draw_bars(path: Path, rows: Sequence[Row]) -> None:
         bars = axis.barh(places, [(v or 0.0) * column.factor for v in values], color=[f"C{i % 10}" for i in places])
         axis.bar_label(bars, [column.text(row) for row in rows], padding=2, fontsize=7)
         axis.set_title(f"{column.heading}, {'more' if column.is_better_high else 'less'} is better", fontsize=9)
-        axis.set_yticks(places, [label(row) for row in rows], fontsize=8)
+        axis.set_yticks(places, [label(row.preset, row.ablation) for row in rows], fontsize=8)
         axis.invert_yaxis() if axis is axes[0, 0] else None
         axis.margins(x=0.2)
         axis.spines[["top", "right"]].set_visible(False)

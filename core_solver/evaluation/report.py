@@ -14,6 +14,7 @@ import torch
 
 from core_solver import __version__
 from core_solver.evaluation import plots
+from core_solver.evaluation.cases import FULL
 from core_solver.evaluation.runner import Results
 from core_solver.evaluation.scores import Row
 from core_solver.evaluation.storage import scores_as_json, write_atomically
@@ -96,9 +97,12 @@ def _processor() -> str:
 def _draw(directory: Path, results: Results, rows: Sequence[Row]) -> list[Path]:
     bars, errors = directory / "measures.png", directory / "root_errors.png"
     plots.draw_bars(bars, rows)
+    whole = [s for s in results.scored if s.case.ablation is FULL]
+    if not whole:
+        return [bars]
     # The scene with most people shows most.
-    shown = max(results.scored, key=lambda s: len(s.scores.root_errors_mm))
-    same = [s for s in results.scored if (s.seed, s.scores.scene) == (shown.seed, shown.scores.scene)]
+    shown = max(whole, key=lambda s: len(s.scores.root_errors_mm))
+    same = [s for s in whole if (s.seed, s.scores.scene) == (shown.seed, shown.scores.scene)]
     plots.draw_errors(errors, same, f"scene {shown.scores.scene}, seed {shown.seed}")
     return [bars, errors]
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from core_solver.evaluation.cases import label
 from core_solver.evaluation.scores import Row
 
 
@@ -60,15 +61,6 @@ MOTION_AND_COST = (
 COLUMNS = (*PLACE_AND_POSE, *MOTION_AND_COST)
 
 
-def label(row: Row) -> str:
-    """What a row is called."""
-    return row.preset if row.ablation == "none" else f"{row.preset}, {_ablation(row)}"
-
-
-def _ablation(row: Row) -> str:
-    return row.ablation if row.ablation.startswith("E_I") else f"no {row.ablation}"
-
-
 def plain_table(rows: Sequence[Row]) -> str:
     """Two blocks of fixed columns: place and pose, then motion and cost."""
     blocks = [_block(rows, columns) for columns in (PLACE_AND_POSE, MOTION_AND_COST)]
@@ -80,14 +72,14 @@ def markdown_table(rows: Sequence[Row]) -> str:
     blocks = []
     for columns in (PLACE_AND_POSE, MOTION_AND_COST):
         lines = [["", *(column.heading for column in columns)], ["---", *("---:" for _ in columns)]]
-        lines += [[label(row), *(column.text(row) for column in columns)] for row in rows]
+        lines += [[label(row.preset, row.ablation), *(column.text(row) for column in columns)] for row in rows]
         blocks.append("\n".join("| " + " | ".join(cells) + " |" for cells in lines))
     return "\n\n".join(blocks) + "\n"
 
 
 def _block(rows: Sequence[Row], columns: Sequence[Column]) -> list[str]:
     table = [["", *(column.title for column in columns)], ["", *(column.unit for column in columns)]]
-    table += [[label(row), *(column.text(row) for column in columns)] for row in rows]
+    table += [[label(row.preset, row.ablation), *(column.text(row) for column in columns)] for row in rows]
     widths = [max(len(cell) for cell in cells) for cells in zip(*table, strict=True)]
     return [
         "  ".join([line[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(line[1:], widths[1:], strict=True))]).rstrip()

@@ -1,7 +1,8 @@
 from dataclasses import fields, replace
 
+from core_solver.evaluation.cases import label
 from core_solver.evaluation.scores import MEASURES, Measures, Row
-from core_solver.evaluation.table import COLUMNS, label, markdown_table, plain_table
+from core_solver.evaluation.table import COLUMNS, markdown_table, plain_table
 
 NUMBERS = Measures(**{name: 0.5 + i for i, name in enumerate(MEASURES)})
 ROWS = (
@@ -36,4 +37,8 @@ def test_markdown_has_a_row_for_each_case():
 
 
 def test_labels():
-    assert [label(row) for row in ROWS] == ["baseline", "fast, no contact and slip", "paper, E_I only"]
+    assert [label(row.preset, row.ablation) for row in ROWS] == [
+        "baseline",
+        "fast, no contact and slip",
+        "paper, E_I only",
+    ]
