@@ -52,7 +52,6 @@ class Given:
         centre: (2,) pixels.
         up: (3, 3) rows: the first ground's normal and two axes on the ground.
         offset: () metres from the camera to the first ground.
-        log_range: (2,) the clip's log 1/z_far and log (1/z_near - 1/z_far).
     """
 
     pixels: Tensor
@@ -69,7 +68,6 @@ class Given:
     centre: Tensor
     up: Tensor
     offset: Tensor
-    log_range: Tensor
 
 
 @dataclass(frozen=True)
@@ -144,7 +142,7 @@ class JointEnergy:
         w = self.weights
         ground = ((v.ground / v.ground.new_tensor([w.tilt_sigma, w.tilt_sigma, w.offset_sigma])) ** 2).sum()
         focal = (v.log_focal / w.focal_sigma) ** 2 if w.focal_sigma > 0 else v.log_focal * 0
-        ties = torch.stack([v.log_inverse_far, v.log_inverse_gap], -1) - self.given.log_range
+        ties = torch.stack([v.log_inverse_far, v.log_inverse_gap], -1) - v.log_range
         jitter = charbonnier((ties / DEPTH_RANGE_SIGMA) ** 2).sum() * self.given.per_clip.mean()
         return ground + focal + (w.depth > 0) * jitter
 
@@ -279,7 +277,6 @@ def given_evidence(
         centre=tensor(np.array([camera.cx, camera.cy])),
         up=tensor(_axes(ground.up)),
         offset=tensor(np.array(ground.offset)),
-        log_range=tensor(np.log([ground.inverse_far, ground.inverse_gap])),
     )
 
 

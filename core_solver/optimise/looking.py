@@ -5,66 +5,98 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from core_solver.camera import Camera
 from core_solver.optimise.evidence import Evidence
 from core_solver.optimise.joint_energy import JointEnergy
 from core_solver.optimise.picture_terms import PictureTerms
+from core_solver.optimise.raster_evidence import Grids, find_contours, no_depth, pixel_depth, read_grids, vertex_depth
 from core_solver.optimise.variables import Variables, pose_person
 from core_solver.scene.contacts import contact_probability
-from core_solver.scene.sampling import BodyDepth, sample_bodies
+from core_solver.scene.support import Support
 from core_solver.tracking.tracks import Modalities
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Onlooker:
-    """What looking needs besides the bodies.
+class Look:
+    """How closely to look at the picture.
 
     Attributes:
-        modalities: masks and disparity.
-        camera: intrinsics.
-        evidence: tracks in solver units.
-        still: (N, T, 2) probability that a foot rests in the picture.
-        levels: (N,) metres by which each person's own floor lies above the common ground.
+        long_side: pixels of the raster grid's longer side.
+        samples: of each outline.
+        each_pixel: mean depths over all pixels instead of over the proxy's visible vertices.
     """
 
-    modalities: Modalities
-    camera: Camera
-    evidence: Evidence
-    still: Array
-    levels: Array
+    long_side: int
+    samples: int
+    each_pixel: bool
 
-    def look(self, energy: JointEnergy, v: Variables) -> None:
-        """Renew the raster terms, the contacts and the supports of an energy."""
+
+class Onlooker:
+    """Renews what an energy has linearised."""
+
+    def __init__(self, modalities: Modalities, camera: Camera, evidence: Evidence, still: Array, levels: Array) -> None:
+        """Keep what looking needs besides the bodies.
+
+        Args:
+            modalities: masks and disparity.
+            camera: intrinsics.
+            evidence: tracks in solver units.
+            still: (N, T, 2) probability that a foot rests in the picture.
+            levels: (N,) metres by which each person's own floor lies above the common ground.
+        """
+        self._modalities, self._camera, self._evidence = modalities, camera, evidence
+        self._still = still
+        self._levels = np.broadcast_to(levels[:, None, None], still.shape)
+        self._support: Support | None = None
+        self._grids: dict[int, Grids] = {}
+
+    def look(self, energy: JointEnergy, v: Variables, closely: Look) -> None:
+        """Renew the raster terms, the contacts, the supports and everybody's spheres."""
         self.look_at_feet(energy, v)
         with torch.no_grad():
             spheres = [energy.spheres(v, n, pose_person(v, n, energy.body)) for n in range(energy.people)]
-        energy.look(spheres=torch.cat(spheres))
-        if self.modalities.disparity is not None:
-            energy.look(picture=self._picture(energy, v))
+        energy.look(spheres=torch.cat(spheres), picture=self._picture(energy, v, closely))
+
+    def stand_on(self, support: Support) -> None:
+        """Let feet stand on the scene's surface from now on."""
+        self._support = support
 
     def look_at_feet(self, energy: JointEnergy, v: Variables) -> None:
         """Renew contacts and supports."""
-        support = np.broadcast_to(self.levels[:, None, None], self.still.shape)
+        support = self.support(energy, v)
         heights, distance = foot_heights(energy, v)
-        contacts = contact_probability(heights - support, self.still, distance) * self.evidence.valid[..., None]
+        contacts = contact_probability(heights - support, self._still, distance) * self._evidence.valid[..., None]
         like = v.theta
         energy.look(
             contacts=torch.as_tensor(contacts, dtype=like.dtype, device=like.device),
             support=torch.as_tensor(support.copy(), dtype=like.dtype, device=like.device),
         )
 
-    def _picture(self, energy: JointEnergy, v: Variables) -> PictureTerms:
-        with torch.no_grad():
-            proxy = torch.cat([_proxy(energy, v, n) for n in range(energy.people)])
-        depth = sample_bodies(proxy.cpu().double().numpy(), self.evidence.valid, self.modalities, self.camera)
-        people = [_depth_of_person(energy, v, n, depth) for n in range(energy.people)]
-        body, rows, scene, scene_rows = (torch.cat(parts) for parts in zip(*people, strict=True))
-        weight = torch.as_tensor(depth.weight, dtype=body.dtype, device=body.device)
-        return PictureTerms(v, body, rows, scene, scene_rows, weight, None)
+    def support(self, energy: JointEnergy, v: Variables) -> Array:
+        """(N, T, 2) metres by which what carries each foot lies above the common ground."""
+        if self._support is None:
+            return self._levels
+        soles = lowest_soles(energy, v)
+        heights, trust = self._support.heights_under(soles)
+        above = heights - self._support.plane_under(soles)
+        return np.where(trust > 0, trust * above + (1 - trust) * self._levels, self._levels)
+
+    def _picture(self, energy: JointEnergy, v: Variables, closely: Look) -> PictureTerms | None:
+        w = energy.weights
+        if closely.long_side not in self._grids:
+            self._grids[closely.long_side] = read_grids(self._modalities, self._camera, closely.long_side)
+        grids, ids = self._grids[closely.long_side], [track.id for track in self._modalities.tracks]
+        contours = find_contours(energy, v, grids, ids, closely.samples) if w.silhouette > 0 else None
+        if self._modalities.disparity is None or w.depth == 0:
+            depth = no_depth(v)
+        elif closely.each_pixel:
+            depth = pixel_depth(energy, v, grids, ids)
+        else:
+            depth = vertex_depth(energy, v, self._evidence, self._modalities, self._camera)
+        return PictureTerms(v, *depth, contours)
 
 
 def foot_heights(energy: JointEnergy, v: Variables) -> tuple[Array, Array]:
@@ -75,28 +107,14 @@ def foot_heights(energy: JointEnergy, v: Variables) -> tuple[Array, Array]:
     return heights.amin(-1).cpu().double().numpy(), distance.cpu().double().numpy()
 
 
-def _proxy(energy: JointEnergy, v: Variables, n: int) -> Tensor:
-    one = slice(n, n + 1)
-    posed = pose_person(v, n, energy.body)
-    points = posed.skin(energy.body.proxy, v.betas[one]) + v.translation[one, :, None]
-    return torch.exp(v.log_scale[n]) * points
-
-
-def _depth_of_person(
-    energy: JointEnergy, v: Variables, n: int, depth: BodyDepth
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """M of the body with its rows, and M of the depth map with its rows; leading dimension 1."""
-    leaves = v.leaves()
-    visible = torch.as_tensor(depth.visible[n : n + 1], dtype=v.theta.dtype, device=v.theta.device)
-    disparity = torch.as_tensor(depth.disparity[n : n + 1], dtype=v.theta.dtype, device=v.theta.device)
-    count = visible.sum(-1).clamp_min(1)
-    body = (visible * torch.log(_proxy(energy, leaves, n)[..., 2].clamp_min(0.05))).sum(-1) / count
-    # Frames do not see each other's angles: one backward pass of the sum gives every frame's own row.
-    turns, moves = torch.autograd.grad(body.sum(), [leaves.theta, leaves.translation])
-    far, gap = torch.exp(v.log_inverse_far)[None, :, None], torch.exp(v.log_inverse_gap)[None, :, None]
-    inverse = far + gap * disparity
-    scene = -(visible * torch.log(inverse)).sum(-1) / count
-    far_row = -(visible * far / inverse).sum(-1) / count
-    gap_row = -(visible * gap * disparity / inverse).sum(-1) / count
-    rows = torch.cat([turns[n].flatten(1), moves[n]], -1)[None]
-    return body.detach(), rows, scene, torch.stack([far_row, gap_row], -1)
+def lowest_soles(energy: JointEnergy, v: Variables) -> Array:
+    """(N, T, 2, 3) metres, camera frame: the lowest sole point of each foot."""
+    with torch.no_grad():
+        up = energy.up(v)
+        people = []
+        for n in range(energy.people):
+            posed, one = pose_person(v, n, energy.body), slice(n, n + 1)
+            soles = (posed.skin(energy.body.soles, v.betas[one]) + v.translation[one, :, None]).unflatten(2, (2, -1))
+            lowest = (soles @ up).argmin(-1)[..., None, None].expand(*soles.shape[:3], 1, 3)
+            people.append(torch.exp(v.log_scale[n]) * torch.gather(soles, 3, lowest)[..., 0, :])
+    return torch.cat(people).cpu().double().numpy()

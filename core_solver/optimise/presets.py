@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from core_solver.energy.weights import Weights
+from core_solver.optimise.looking import Look
 from core_solver.optimise.second_order import Schedule
 
 
@@ -15,12 +16,18 @@ class Preset:
         weights: of the energies.
         stage_one: scale and depth.
         stage_two: space and time.
+        look: at the picture, until the last iterations.
+        last_look: in the last iterations.
+        last_iterations: of stage two, besides `stage_two.iterations`.
     """
 
     name: str
     weights: Weights
     stage_one: Schedule
     stage_two: Schedule
+    look: Look
+    last_look: Look
+    last_iterations: Schedule
 
     def without(self, *terms: str) -> "Preset":
         """The same with these terms switched off; a term is named as its weight is.
@@ -34,4 +41,11 @@ class Preset:
         return replace(self, weights=replace(self.weights, **dict.fromkeys(terms, 0.0)))
 
 
-PRESETS = {preset.name: preset for preset in (Preset("fast", Weights(), Schedule(6, 1e-3), Schedule(12, 1e-3)),)}
+_EACH_PIXEL = Look(320, 64, each_pixel=True)
+
+FAST = Preset(
+    "fast", Weights(), Schedule(5, 2e-3), Schedule(8, 2e-3), Look(160, 32, each_pixel=False), _EACH_PIXEL,
+    Schedule(2, 1e-3),
+)  # fmt: skip
+EXACT = Preset("exact", Weights(), Schedule(8, 1e-3), Schedule(20, 3e-4), _EACH_PIXEL, _EACH_PIXEL, Schedule(2, 1e-4))
+PRESETS = {preset.name: preset for preset in (FAST, EXACT)}

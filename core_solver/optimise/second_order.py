@@ -53,7 +53,7 @@ def minimise(
     energy: JointEnergy,
     v: Variables,
     schedule: Schedule,
-    look: Callable[[int, Variables], None] = lambda _iteration, _v: None,
+    look: Callable[[Variables], None] = lambda _v: None,
     advance: Callable[[int], None] = lambda _steps: None,
 ) -> Variables:
     """Lower the energy until it stays where it is.
@@ -67,7 +67,7 @@ def minimise(
     """
     damping, iteration = _FIRST_DAMPING, 0
     while iteration < schedule.iterations:
-        look(iteration, v)
+        look(v)
         v = fit_depth_range(energy, v)
         before = energy.value(v)
         v, damping, after = _iterate(energy, v, before, damping)

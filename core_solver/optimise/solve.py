@@ -72,8 +72,11 @@ def solve(
     onlooker = Onlooker(modalities, camera, evidence, still, ground.levels)
     variables = start_variables(fit, ground, solver_body)
 
-    def look(_iteration: int, v: Variables) -> None:
-        onlooker.look(energy, v)
+    def look(v: Variables) -> None:
+        onlooker.look(energy, v, preset.look)
+
+    def look_last(v: Variables) -> None:
+        onlooker.look(energy, v, preset.last_look)
 
     energy.look(filtered=_filtered_keypoints(energy, variables, evidence.times))
     with progress.stage("Solve scale and depth", preset.stage_one.iterations) as advance:
@@ -81,6 +84,8 @@ def solve(
     energy.look(filtered=_filtered_keypoints(energy, variables, evidence.times))
     with progress.stage("Solve space and time", preset.stage_two.iterations) as advance:
         variables = minimise(energy, variables, preset.stage_two, look, advance)
+    with progress.stage("Solve to the last pixel", preset.last_iterations.iterations) as advance:
+        variables = minimise(energy, variables, preset.last_iterations, look_last, advance)
     return _solution(variables, energy, evidence, still, ground)
 
 

@@ -33,6 +33,7 @@ class Variables:
         log_focal: () log of the focal length's ratio to the given one.
         log_inverse_far: (T,) log of 1 / z_far.
         log_inverse_gap: (T,) log of 1 / z_near - 1 / z_far: both positive, so 0 < z_near < z_far always holds.
+        log_range: (2,) the clip's own log_inverse_far and log_inverse_gap, to which its frames' are tied.
     """
 
     theta: Tensor
@@ -43,6 +44,7 @@ class Variables:
     log_focal: Tensor
     log_inverse_far: Tensor
     log_inverse_gap: Tensor
+    log_range: Tensor
 
     def leaves(self) -> "Variables":
         """Copies that collect gradients."""
@@ -81,6 +83,7 @@ def start_variables(fit: PoseFit, ground: ScaleGround, body: TorchBody) -> Varia
         log_focal=tensor(np.zeros(())),
         log_inverse_far=tensor(np.full(frames, math.log(ground.inverse_far))),
         log_inverse_gap=tensor(np.full(frames, math.log(ground.inverse_gap))),
+        log_range=tensor(np.log([ground.inverse_far, ground.inverse_gap])),
     )
 
 
