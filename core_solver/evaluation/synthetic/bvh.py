@@ -1,6 +1,7 @@
 """Reading BVH motion files."""
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from core_solver.geometry import matrix_from_rotvec
 Array = NDArray[np.float64]
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
+_CHANNEL = re.compile(r"[XYZ](position|rotation)", re.IGNORECASE)
 
 
 class MotionFileError(UserError):
@@ -83,18 +85,23 @@ def _read_hierarchy(words: list[str]) -> tuple[list[_Joint], list[str]]:
         elif word == "}":
             open_joints.pop()
             place += 1
-        elif word == "OFFSET":
-            offset = np.array(words[place + 1 : place + 4], float)
-            joints[-1] = _Joint(joints[-1].name, joints[-1].parent, offset, ())
-            place += 4
-        elif word == "CHANNELS":
-            count = int(words[place + 1])
-            channels = tuple(words[place + 2 : place + 2 + count])
-            joints[-1] = _Joint(joints[-1].name, joints[-1].parent, joints[-1].offset, channels)
-            place += 2 + count
         else:
-            raise ValueError(f"{words[place]} is not expected in the hierarchy")
+            joints[-1], place = _read_property(joints[-1], words, place)
     return joints, words[place + 1 :]
+
+
+def _read_property(joint: _Joint, words: list[str], place: int) -> tuple[_Joint, int]:
+    """The joint with its OFFSET or CHANNELS, and the place of the next word."""
+    word = words[place].upper()
+    if word == "OFFSET":
+        return replace(joint, offset=np.array(words[place + 1 : place + 4], float)), place + 4
+    if word != "CHANNELS":
+        raise ValueError(f"{words[place]} is not expected in the hierarchy")
+    end = place + 2 + int(words[place + 1])
+    channels = tuple(words[place + 2 : end])
+    if not all(_CHANNEL.fullmatch(channel) for channel in channels):
+        raise ValueError(f"its channels are {' '.join(channels)}")
+    return replace(joint, channels=channels), end
 
 
 def _read_motion(words: list[str], channels: int) -> tuple[Array, float]:

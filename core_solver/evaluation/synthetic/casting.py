@@ -18,7 +18,8 @@ from core_solver.evaluation.synthetic.world import Terrain
 Array = NDArray[np.float64]
 
 ACTS = (
-    "walk", "walk", "cross", "cross", "enter", "leave", "stand", "wave", "talk", "dance", "jump", "crouch", "cheer",
+    "walk", "walk", "cross", "cross", "enter", "enter", "leave", "leave", "stand", "wave", "talk", "dance", "jump",
+    "crouch", "cheer",
 )  # fmt: skip
 """Who walks is more often seen than who stands."""
 _APART_M = 0.55
@@ -146,9 +147,9 @@ def _raised_script(rng: np.random.Generator, terrain: Terrain, person: Physique)
         heading = float(np.arctan2(-y, -x) + rng.uniform(-0.8, 0.8))
         return Script((x, y), heading, (Move(1.0), Move(1.5, gesture=str(rng.choice(["talk", "wave", "dance"])))))
     axis = np.array([np.cos(first.yaw), np.sin(first.yaw)])
-    speed = float(rng.uniform(0.65, 0.85)) * person.leg / 0.85
+    speed = float(rng.uniform(0.5, 0.7)) * person.leg / 0.85
     start = np.array(first.centre) - axis * (first.size[0] / 2 + rng.uniform(0.4, 0.7))
-    return Script((float(start[0]), float(start[1])), first.yaw, (Move(4.0, speed),))
+    return Script((float(start[0]), float(start[1])), first.yaw, (Move(5.0, speed),))
 
 
 def draw_script(rng: np.random.Generator, setting: Setting, person: Physique, act: str) -> Script:

@@ -68,13 +68,13 @@ class NoiseLevels:
     mask_seconds: float = 0.7
     """Over which that changes."""
     disparity_scale: float = 0.014
-    """Of the scale of one frame's disparity (0.009 to 0.028)."""
+    """Of the scale of one frame's normalised disparity (0.009 to 0.028)."""
     disparity_shift: float = 0.011
     """Of its shift, in ranges (0.005 to 0.016)."""
     disparity_affine_seconds: float = 0.3
     """Over which both forget themselves."""
-    disparity_relief: float = 0.06
-    """Of the smooth error that stays, in ranges: of a known floor (0.065; 0.18 in the other view)."""
+    disparity_relief: float = 0.045
+    """Of the smooth error that stays, in ranges: of a known bare floor (0.045 to 0.06)."""
     disparity_wave: float = 0.013
     """Of the smooth error that changes, in ranges (0.007 to 0.035)."""
     disparity_wave_seconds: float = 0.2

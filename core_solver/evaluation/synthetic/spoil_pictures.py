@@ -13,8 +13,8 @@ from core_solver.perception.disparity import normalise, sharpen_edges
 
 Array = NDArray[np.float64]
 
-# Bumps along the longer side of the picture: half the error of disparity is shared over a tenth of the picture.
-_MASK_KNOTS, _WAVE_KNOTS, _GRAIN_KNOTS = 40, 8, 60
+# Bumps along the longer side of the picture: of what errors of disparity have in common, half is left over a tenth.
+_MASK_KNOTS, _RELIEF_KNOTS, _WAVE_KNOTS, _GRAIN_KNOTS = 40, 6, 8, 60
 _LEAST_RANGE = 1e-3  # of inverse depth, per metre
 
 
@@ -77,8 +77,8 @@ class _DisparityErrors:
     """Errors of disparity over T frames, all in ranges of the picture's disparity.
 
     Attributes:
-        scale: (T,) factor.
-        shift: (T,).
+        scale: (T,) factor after normalising.
+        shift: (T,) after normalising.
         person: (T, N).
         relief: (r, c) knots of the smooth error that stays.
         wave: (T, r, c) knots of the one that changes.
@@ -101,10 +101,12 @@ class _DisparityErrors:
         disparity = (inverse - low) / max(high - low, _LEAST_RANGE)
         whose = cv2.resize(frame.labels, size, interpolation=cv2.INTER_NEAREST)
         disparity += np.concatenate([[0.0], self.person[t]]).astype(np.float32)[whose]
-        disparity += smooth_field(self.relief + self.wave[t], size) + smooth_field(self.grain[t], size)
-        disparity = np.asarray(self.scale[t] * disparity + self.shift[t], np.float32)
+        disparity += smooth_field(self.relief, size) + smooth_field(self.wave[t], size)
+        disparity += smooth_field(self.grain[t], size)
         blurred = cv2.GaussianBlur(disparity, (0, 0), self.blur)
-        return sharpen_edges(normalise(np.asarray(blurred, np.float32))).astype(np.float16)
+        seen = sharpen_edges(normalise(np.asarray(blurred, np.float32)))
+        # Normalising would take these two errors away: they are what is seen of real pictures after it.
+        return np.clip(self.scale[t] * seen + self.shift[t], 0, 1).astype(np.float16)
 
 
 def _draw_errors(
@@ -117,7 +119,7 @@ def _draw_errors(
         scale=np.exp(levels.disparity_scale * affine[:, 0]),
         shift=levels.disparity_shift * affine[:, 1],
         person=person + levels.disparity_person_bias * rng.normal(size=people),
-        relief=levels.disparity_relief * rng.normal(size=coarse),
+        relief=levels.disparity_relief * rng.normal(size=knot_shape(size, _RELIEF_KNOTS)),
         wave=levels.disparity_wave * drifting(rng, times, coarse, levels.disparity_wave_seconds),
         grain=levels.disparity_grain * drifting(rng, times, fine, levels.disparity_wave_seconds),
         blur=levels.disparity_blur * max(size),

@@ -74,12 +74,17 @@ class Plan:
     grids: Grids
 
 
-def stage(plan: Plan, body: BodyModel, rng: np.random.Generator) -> SyntheticScene:
-    """Act, render and spoil a plan."""
-    actors = [
+def act(plan: Plan, body: BodyModel, rng: np.random.Generator) -> list[Actor]:
+    """The people of a plan in motion before the camera."""
+    return [
         put_before_camera(role.perform(plan.terrain, plan.times, rng), role.physique, body, plan.view)
         for role in plan.roles
     ]
+
+
+def stage(plan: Plan, body: BodyModel, rng: np.random.Generator) -> SyntheticScene:
+    """Act, render and spoil a plan."""
+    actors = act(plan, body, rng)
     scenery = SeenTerrain(plan.terrain, plan.view)
     keypoints = np.stack([actor.keypoints for actor in actors])
     frames = render_frames(actors, keypoints, scenery, plan.camera, plan.grids)
