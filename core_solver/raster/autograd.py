@@ -52,9 +52,9 @@ def _solve(vertices: Tensor, faces: ArrayLike, pinhole: Pinhole, labels: ArrayLi
     values = vertices.detach().cpu().numpy()
     if vertices.device.type == "cpu":
         return solve_terms(values, faces, pinhole, labels, ids)
-    from core_solver.raster.warp_backend import solve_terms_on_gpu  # noqa: PLC0415  (an optional package)
+    from core_solver.raster.warp_backend import solve_terms_by_warp  # noqa: PLC0415  (an optional package)
 
-    return solve_terms_on_gpu(values, faces, pinhole, labels, ids, device=str(vertices.device))
+    return solve_terms_by_warp(values, faces, pinhole, labels, ids, device=str(vertices.device))
 
 
 def _like(values: np.ndarray, tensor: Tensor) -> Tensor:

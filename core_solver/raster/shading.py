@@ -17,6 +17,8 @@ from core_solver.raster.compiling import helper
 
 # Columns of the gradient that `shade` gathers in raster coordinates.
 _DEPTH_X, _DEPTH_Y, _DEPTH_Q, _OUTLINE_X, _OUTLINE_Y = range(5)
+# Logs are taken of products of 1/z, as many as double precision holds, because a log takes longer than all the rest.
+_LEAST, _MOST = 1e-200, 1e200
 COLUMNS = 5  # of that gradient
 
 
@@ -36,7 +38,7 @@ def shade(screen, faces, box, inverse_depth, face, cost, gradient):
     Returns:
         Sum of log depths where body and mask meet, the number of those pixels, and the sum of costs under the body.
     """
-    logs, pixels, costs = 0.0, 0, 0
+    logs, product, pixels, costs = 0.0, 1.0, 0, 0
     for row in range(face.shape[0]):
         for column in range(face.shape[1]):
             if face[row, column] < 0:
@@ -53,7 +55,9 @@ def shade(screen, faces, box, inverse_depth, face, cost, gradient):
             c = np.float32(1) - a - b
             if here < 0:
                 q = inverse_depth[row, column]
-                logs -= math.log(q)
+                product *= q
+                if not _LEAST < product < _MOST:
+                    logs, product = logs - math.log(product), 1.0
                 pixels += 1
                 _add_depth(gradient, i, a, q, slopes)
                 _add_depth(gradient, j, b, q, slopes)
@@ -62,7 +66,7 @@ def shade(screen, faces, box, inverse_depth, face, cost, gradient):
                 _add_outline(gradient, i, a, across, down)
                 _add_outline(gradient, j, b, across, down)
                 _add_outline(gradient, k, c, across, down)
-    return logs, pixels, costs
+    return logs - math.log(product), pixels, costs
 
 
 @helper
