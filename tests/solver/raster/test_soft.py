@@ -4,21 +4,24 @@ import numpy as np
 import pytest
 import torch
 
+from core_solver.raster import Pinhole
 from core_solver.raster.reference import reference_soft_silhouette
 from core_solver.raster.soft import soft_silhouette
 
 from .scenes import FIGURE, SMALL, SQUARE_FACES, cosine, picture_of, square, standing
 
+TINY = Pinhole(32, 24, 30.0, 31.0, 15.0, 12.5)
+
 
 @pytest.mark.parametrize("sigma", [0.3, 2.0])
 def test_the_formula_agrees(sigma: float) -> None:
     vertices = standing()[None]
-    mask = picture_of(standing(across=0.1), SMALL)[None]
+    mask = picture_of(standing(across=0.1), TINY)[None]
     visible = np.random.default_rng(1).random(mask.shape) > 0.1
-    loss, gradient = soft_silhouette(vertices, FIGURE.faces, SMALL, mask, visible, sigma)
+    loss, gradient = soft_silhouette(vertices, FIGURE.faces, TINY, mask, visible, sigma)
     torch_vertices = torch.tensor(vertices, requires_grad=True)
     reference = reference_soft_silhouette(
-        torch_vertices, torch.tensor(FIGURE.faces, dtype=torch.long), SMALL, torch.tensor(mask), torch.tensor(visible),
+        torch_vertices, torch.tensor(FIGURE.faces, dtype=torch.long), TINY, torch.tensor(mask), torch.tensor(visible),
         sigma,
     )  # fmt: skip
     reference.sum().backward()
