@@ -2,8 +2,6 @@
 
 import errno
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,8 +94,7 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
     modalities = track_people(observations, size, label_size(*size), people=options.people)
     _require_people(modalities, clip)
     warnings = _warnings(clip, camera, modalities, depth_source, progress)
-    with single_thread():
-        solution = solve(modalities, camera, body, progress, PRESETS[options.preset], device)
+    solution = solve(modalities, camera, body, progress, PRESETS[options.preset], device)
     with progress.stage("Build the scene", 1) as advance:
         scene = build_scene(modalities, solution, camera, clip, options.points)
         advance(1)
@@ -161,17 +158,6 @@ def choose_camera(options: SolveOptions, clip: VideoClip, progress: Progress) ->
         "Distances depend on it: give --camera or --fov if you know better."
     )
     return camera_from_fov(clip.width, clip.height, DEFAULT_FOV_DEGREES, "assumed field of view")
-
-
-@contextmanager
-def single_thread() -> Iterator[None]:
-    """One thread for torch: sums in a fixed order give the same take on every machine, and small products gain none."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def build_scene(

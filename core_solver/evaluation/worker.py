@@ -7,8 +7,6 @@ import sys
 import time
 from pathlib import Path
 
-import torch
-
 from core_solver.evaluation.baseline import NAME, baseline
 from core_solver.evaluation.exchange import Outcome, Problem, read_problem, write_outcome
 from core_solver.optimise.presets import PRESETS
@@ -20,8 +18,6 @@ from core_solver.progress import SilentProgress
 def main(arguments: list[str]) -> int:
     """Read the problem, solve it, write the outcome."""
     problem_path, outcome_path, preset, *without = arguments
-    # As the pipeline does: sums in one order give the same numbers everywhere.
-    torch.set_num_threads(1)
     problem = read_problem(Path(problem_path))
     started, cpu_started = time.perf_counter(), time.process_time()
     solution = run_preset(problem, preset, without)

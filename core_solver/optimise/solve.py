@@ -23,6 +23,7 @@ from core_solver.optimise.presets import Preset
 from core_solver.optimise.scale_ground import ScaleGround, ScaleProblem, fit_scale_ground
 from core_solver.optimise.second_order import minimise
 from core_solver.optimise.solution import Solution
+from core_solver.optimise.threads import single_thread
 from core_solver.optimise.variables import Variables, pose_points, start_variables
 from core_solver.progress import Progress
 from core_solver.scene.contacts import contact_probability, still_feet
@@ -47,6 +48,7 @@ _WITNESSES = {
 _TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 
 
+@single_thread()
 def solve(
     modalities: Modalities, camera: Camera, body: BodyModel, progress: Progress, preset: Preset, device: str = "cpu"
 ) -> Solution:

@@ -15,9 +15,10 @@ import torch
 from core_solver import pipeline
 from core_solver.camera import Camera, camera_from_fov
 from core_solver.errors import CameraError, UserError, VideoError
-from core_solver.optimise import pose_fit, stages
+from core_solver.optimise import pose_fit
+from core_solver.optimise.threads import single_thread
 from core_solver.perception.observations import CroppedMask, Detection, FrameObservations
-from core_solver.pipeline import GROUND_PLANE_PRIOR, SolveOptions, single_thread, solve_video
+from core_solver.pipeline import GROUND_PLANE_PRIOR, SolveOptions, solve_video
 from core_solver.progress import SilentProgress
 from core_solver.take import read_take
 from core_solver.take import writing as take_writing
@@ -109,8 +110,6 @@ class Stage:
         monkeypatch.setattr(pipeline, "ModelStore", FakeStore)
         monkeypatch.setattr(pipeline, "load_body", lambda _path: BODY)
         monkeypatch.setattr(pose_fit, "ITERATIONS", 20)
-        monkeypatch.setattr(stages, "STAGE_ONE_ITERATIONS", 10)
-        monkeypatch.setattr(stages, "STAGE_TWO_ITERATIONS", 10)
 
     def show(self, clip: SyntheticClip, seen: int = FRAMES) -> None:
         network = FakeDisparity() if clip.modalities.disparity is not None else None

@@ -9,7 +9,6 @@ from core_solver.camera import Camera
 from core_solver.optimise.evidence import gather_evidence
 from core_solver.optimise.pose_fit import PoseFit, fit_poses, place_clip
 from core_solver.optimise.posing import torch_body
-from core_solver.optimise.posing import sole_rows
 from tests.solver.optimise.conftest import GAP, LATE
 from tests.solver.optimise.measures import mpjpe
 from tests.solver.scenes import Walker, make_clip

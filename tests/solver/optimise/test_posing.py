@@ -3,8 +3,7 @@ import pytest
 import torch
 
 from core_solver.body import kinematics
-from core_solver.optimise.posing import pose, torch_body
-from core_solver.optimise.posing import sole_rows
+from core_solver.optimise.posing import pose, sole_rows, torch_body
 
 
 @pytest.fixture(scope="module")
