@@ -51,7 +51,8 @@ class PaperPreset:
         decay: of the rate, an iteration.
         raster_size: pixels of the raster's longer side.
         batch: frames rasterised at a time; their gradients make one step, so that it changes nothing but memory.
-        scene_every: iterations of stage II after which the scene's cloud is renewed from the depth ranges.
+        renew_every: iterations after which stage II looks again at the scene's cloud and the filtered vertices. Held
+            from stage I on, both fall behind what is solved; in every iteration, the filter's lag feeds on itself.
     """
 
     name: str = "paper"
@@ -60,9 +61,9 @@ class PaperPreset:
     stage_two: int = 200
     rate: float = 0.01
     decay: float = 0.99
-    raster_size: int = 192
+    raster_size: int = 128
     batch: int = 10
-    scene_every: int = 25
+    renew_every: int = 25
 
     def without(self, *terms: str) -> "PaperPreset":
         """The same with these terms switched off.
@@ -103,23 +104,26 @@ def solve_paper(
     schedule = torch.optim.lr_scheduler.ExponentialLR(optimiser, preset.decay)
 
     def step(motion: Motion | None) -> None:
-        optimiser.zero_grad(set_to_none=False)
+        optimiser.zero_grad()
         clip.accumulate(variables, motion)
         optimiser.step()
         schedule.step()
+
+    def scene() -> KDTree | None:
+        return _scene_cloud(modalities, camera, variables.depth_range())
 
     with progress.stage("Solve scale and depth", preset.stage_one) as advance:
         for _ in range(preset.stage_one):
             step(None)
             advance(1)
-    scene, filtered = None, clip.filtered(variables, evidence.times)
+    motion = None
     with progress.stage("Solve space and time", preset.stage_two) as advance:
         for iteration in range(preset.stage_two):
-            if iteration % preset.scene_every == 0:
-                scene = _scene_cloud(modalities, camera, variables.depth_range())
-            step(Motion(filtered, scene))
+            if iteration % preset.renew_every == 0:
+                motion = Motion(clip.filtered(variables, evidence.times), scene())
+            step(motion)
             advance(1)
-    return _solution(clip, variables, evidence, _scene_cloud(modalities, camera, variables.depth_range()))
+    return _solution(clip, variables, evidence, scene())
 
 
 @dataclass(frozen=True)
@@ -167,7 +171,7 @@ class Motion:
     """What stage II adds.
 
     Attributes:
-        filtered: (N, T, V, 3) metres, vertices after stage I through the one-euro filter.
+        filtered: (N, T, V, 3) metres, vertices through the one-euro filter.
         scene: points of the static scene; None where nothing is known of it.
     """
 
@@ -218,6 +222,7 @@ class PaperEnergy:
         pull = torch.zeros_like(corners) if corners.grad is None else corners.grad
         torch.autograd.backward([rest, vertices], [None, pull])
         for leaf in v.leaves():
+            # What cannot be measured must not poison the clip.
             if leaf.grad is not None:
                 torch.nan_to_num_(leaf.grad, nan=0.0, posinf=0.0, neginf=0.0)
         return total
@@ -267,12 +272,13 @@ class PaperEnergy:
 
     def _picture_terms(self, v: PaperVariables, frames: slice, vertices: Tensor) -> Tensor:
         w, total = self.preset.weights, vertices.new_zeros(())
-        bodies = paper_picture.bodies_in(self.picture, frames, vertices[:, frames])
-        if len(bodies.frame) == 0:
+        with_depth = w.depth > 0 and self.picture.disparity is not None
+        if not (self.picture.valid[:, frames].any() and (w.silhouette > 0 or with_depth)):
             return total
+        bodies = paper_picture.bodies_in(self.picture, frames, vertices[:, frames])
         if w.silhouette > 0:
             total = total + w.silhouette * paper_picture.silhouette(self.picture, bodies)
-        if w.depth > 0 and self.picture.disparity is not None:
+        if with_depth:
             total = total + w.depth * paper_picture.depth(self.picture, bodies, v.depth_range())
         return total
 
