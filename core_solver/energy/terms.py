@@ -3,6 +3,7 @@
 N people, T frames, K keypoints, P proxy vertices, S sole vertices of a foot. Each returns a scalar.
 """
 
+import torch
 from torch import Tensor
 
 from core_solver.energy.kernels import charbonnier, geman_mcclure
@@ -57,17 +58,24 @@ def stature(log_growth: Tensor, sigma: float) -> Tensor:
     return ((log_growth / sigma) ** 2).sum()
 
 
-def height(log_heights: Tensor, log_mean: float, sigma_above: float, sigma_below: float) -> Tensor:
-    """Prior on statures: the paper's E_scale as a log-normal of two halves, since children exist and giants do not.
+def height(log_heights: Tensor, mixture: Tensor) -> Tensor:
+    """Prior on statures, the paper's E_scale for a world with children: minus twice the log of a mixture of normals.
 
     Args:
         log_heights: (N,) log metres.
-        log_mean: log metres.
-        sigma_above: deviation of log stature above the mean.
-        sigma_below: and below it.
+        mixture: (C, 3) rows of share, mean and deviation of log stature; the first row is that of adults.
+
+    Returns:
+        (N,) costs, 0 for an average adult; a giant's grows with the square, a child's does not.
     """
-    residual = log_heights - log_mean
-    return charbonnier((residual.clamp_min(0) / sigma_above + residual.clamp_max(0) / sigma_below) ** 2).sum()
+    share, mean, sigma = mixture.T
+    likelihood = share / sigma * torch.exp(-0.5 * ((log_heights[..., None] - mean) / sigma) ** 2)
+    # Far from all components the exponentials vanish: the widest one's logarithm goes on.
+    widest = torch.argmax(sigma)
+    tail = torch.log(share[widest] / sigma[widest]) - 0.5 * ((log_heights - mean[widest]) / sigma[widest]) ** 2
+    logs = torch.where(likelihood.sum(-1) > 1e-30, torch.log(likelihood.sum(-1).clamp_min(1e-30)), tail)
+    peak = torch.log((share / sigma * torch.exp(-0.5 * ((mean[0] - mean) / sigma) ** 2)).sum())
+    return 2 * (peak - logs)
 
 
 def speed(translations: Tensor, seconds: Tensor, sigma: float) -> Tensor:

@@ -21,9 +21,11 @@ class Weights:
         betas: shape stays near betas^.
         stature_sigma: deviation of log stature at unit scale that betas may cause.
         height: prior on stature.
-        height_sigma: deviation of log stature above `height_mean_m`.
-        height_sigma_below: and below it: children are common, giants are not.
         height_mean_m: metres; the world's adults, men 1.71 and women 1.59 (NCD Risk Factor Collaboration 2016).
+        height_sigma: deviation of log stature of adults.
+        child_share: how many people are children, and with them who is unusually small.
+        child_mean_m: metres.
+        child_sigma: deviation of log stature of children.
         speed: root motion between frames.
         speed_sigma: body heights a second.
         acceleration: root acceleration.
@@ -55,9 +57,11 @@ class Weights:
     betas: float = 0.1
     stature_sigma: float = 0.01
     height: float = 1.0
-    height_sigma: float = 0.07
-    height_sigma_below: float = 0.12
     height_mean_m: float = 1.65
+    height_sigma: float = 0.06
+    child_share: float = 0.25
+    child_mean_m: float = 1.2
+    child_sigma: float = 0.2
     speed: float = 0.02
     speed_sigma: float = 1.0
     acceleration: float = 1.0
@@ -87,3 +91,10 @@ class Weights:
             "joints", "smpl", "betas", "height", "speed", "acceleration", "depth", "silhouette", "contact",
             "penetration", "collision", "slip", "temporal",
         )  # fmt: skip
+
+    def statures(self) -> tuple[tuple[float, float, float], ...]:
+        """Share, mean and deviation of log stature in metres, of adults and of children."""
+        return (
+            (1 - self.child_share, math.log(self.height_mean_m), self.height_sigma),
+            (self.child_share, math.log(self.child_mean_m), self.child_sigma),
+        )

@@ -196,8 +196,15 @@ class _Assembly:
         height[_SCALE] = 1
         stature = given.height[1:] / (given.height[0] + given.height[1:] @ v.betas[n])
         height[_BETAS] = stature
-        corner += w.height / w.height_sigma**2 * torch.outer(height, height)
+        corner += w.height * self._height_curvature() * torch.outer(height, height)
         corner[_BETAS, _BETAS] += w.betas * len(v.theta[n]) / w.stature_sigma**2 * torch.outer(stature, stature)
+
+    def _height_curvature(self) -> Tensor:
+        """Of the components of the mixture, as far as the person belongs to each."""
+        log_height = self._energy.log_heights(self._v)[self._n]
+        share, mean, sigma = log_height.new_tensor(self._weights.statures()).T
+        logs = torch.log(share / sigma) - 0.5 * ((log_height - mean) / sigma) ** 2
+        return (torch.softmax(logs, 0) / sigma**2).sum()
 
     def _add_motion(self, blocks: Tensor) -> tuple[Tensor, Tensor]:
         frames = len(blocks)

@@ -4,7 +4,6 @@ Raster terms are used as they are linearised about the poses of the last look at
 terms are exact.
 """
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -125,8 +124,7 @@ class JointEnergy:
             * terms.joints(self.project(v, keypoints), g.pixels[one], g.confidence[one], g.size[one], w.joints_sigma),
             "smpl": w.smpl * terms.smpl(v.theta[one], g.theta_hat[one], g.theta_trust[one], w.theta_sigma),
             "betas": w.betas * v.theta.shape[1] * self._shape(v, one),
-            "height": w.height
-            * terms.height(self.log_heights(v)[one], math.log(w.height_mean_m), w.height_sigma, w.height_sigma_below),
+            "height": w.height * terms.height(self.log_heights(v)[one], v.betas.new_tensor(w.statures())).sum(),
         }
         if len(g.seconds):
             result["speed"] = w.speed * terms.speed(v.translation[one], g.seconds, w.speed_sigma)

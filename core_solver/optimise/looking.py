@@ -60,7 +60,7 @@ class Onlooker:
             spheres = [energy.spheres(v, n, pose_person(v, n, energy.body)) for n in range(energy.people)]
         energy.look(spheres=torch.cat(spheres), picture=self._picture(energy, v, closely))
 
-    def stand_on(self, support: Support) -> None:
+    def stand_on(self, support: Support | None) -> None:
         """Let feet stand on the scene's surface from now on."""
         self._support = support
 

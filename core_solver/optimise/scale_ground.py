@@ -8,9 +8,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from core_solver.energy import terms
 from core_solver.energy.weights import Weights
 from core_solver.geometry import align_vectors, matrix_from_rotvec
 from core_solver.scene.sampling import BodyDepth, FloorSamples
@@ -25,6 +27,7 @@ _BALANCE_SIGMA = math.radians(6)  # one person's mean lean in the estimated pose
 _HORIZON_SIGMA = math.radians(30)  # cameras are held roughly level
 _FLOOR_SIGMA = 0.20  # log depth of a network on a floor
 _LOG_INVERSE_DEPTHS = (-math.log(1000.0), -math.log(0.05))  # a network's far end may be beyond all measure
+_OTHER_SIZES = (0.75, 1.33)
 _LIMITS = (200.0, 8.0)  # where residuals level off, in their deviations
 
 
@@ -100,24 +103,44 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
             _ground_residuals(problem, answer, weights, limit),
             _balance_residuals(problem, answer),
             np.array([math.acos(float(np.clip(-answer.up[1], -1, 1))) / _HORIZON_SIGMA]),
-            _height_residuals(problem, answer, weights),
             _saturated(answer.levels / level_sigma),
         ]
         if has_depth:
             parts += [_depth_residuals(problem, answer, weights), _floor_residuals(problem, answer, weights, limit)]
-        return np.concatenate(parts)
+        # Statures have their own distribution: a giant must not be excused as an outlier.
+        return np.concatenate([_softened(np.concatenate(parts)), _height_residuals(problem, answer, weights)])
+
+    def fit(x: Array, limits: tuple[float, ...]) -> tuple[float, Array]:
+        cost = math.inf
+        for limit in limits:
+            solution = least_squares(residuals, x, args=(limit,), x_scale="jac", max_nfev=100)
+            cost, x = float(solution.cost), solution.x
+        return cost, x
 
     depth_start = _depth_start(problem) if has_depth else []
-    solutions: list[tuple[float, Array]] = []
+    solutions = []
     for scales, levels, camera_height in _starts(problem, start_up, weights):
         x = np.concatenate([[0.0, 0.0, math.log(camera_height)], np.log(scales), levels, depth_start])
-        cost = math.inf
         # First everybody is pulled into place from however far, then what does not belong there lets go.
-        for limit in _LIMITS:
-            solution = least_squares(residuals, x, args=(limit,), loss="soft_l1", x_scale="jac", max_nfev=100)
-            cost, x = float(solution.cost), solution.x
-        solutions.append((cost, x))
+        solutions.append(fit(x, _LIMITS))
+    best = min(solutions, key=lambda s: s[0])[1]
+    # The picture is the same at every size of the world: a family may be taken for a group of giants.
+    solutions += [fit(_resized(best, people, factor), _LIMITS[-1:]) for factor in _OTHER_SIZES]
     return unpack(min(solutions, key=lambda s: s[0])[1])
+
+
+def _resized(x: Array, people: int, factor: float) -> Array:
+    """The unknowns of the same scene in another size."""
+    grown = x.copy()
+    grown[2 : 3 + people] += math.log(factor)
+    grown[3 + people : 3 + 2 * people] *= factor
+    grown[3 + 2 * people :] -= math.log(factor)
+    return grown
+
+
+def _softened(residual: Array) -> Array:
+    """Residuals whose squares grow like the residuals themselves where these are large."""
+    return np.sign(residual) * np.sqrt(2 * (np.sqrt(1 + residual**2) - 1))
 
 
 def _starts(problem: ScaleProblem, up: Array, weights: Weights) -> list[tuple[Array, Array, float]]:
@@ -174,8 +197,9 @@ def _level_sigma(soles: Array) -> Array:
 
 
 def _height_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weights) -> Array:
-    residual = np.log(answer.scales * problem.heights / weights.height_mean_m)
-    return residual / np.where(residual > 0, weights.height_sigma, weights.height_sigma_below)
+    log_heights = torch.as_tensor(np.log(answer.scales * problem.heights))
+    costs = terms.height(log_heights, log_heights.new_tensor(weights.statures())).clamp_min(0).numpy()
+    return math.sqrt(weights.height) * np.sign(log_heights.numpy() - math.log(weights.height_mean_m)) * np.sqrt(costs)
 
 
 def _saturated(residual: Array) -> Array:

@@ -15,7 +15,7 @@ from core_solver.geometry import GroundFrame
 from core_solver.optimise import pose_fit
 from core_solver.optimise.evidence import Evidence, gather_evidence
 from core_solver.optimise.joint_energy import JointEnergy, given_evidence
-from core_solver.optimise.looking import Onlooker, foot_heights
+from core_solver.optimise.looking import Onlooker, foot_heights, lowest_soles
 from core_solver.optimise.one_euro import one_euro_zero_phase
 from core_solver.optimise.pose_fit import PoseFit, fit_poses
 from core_solver.optimise.posing import TorchBody, pose, sole_rows, torch_body
@@ -26,8 +26,10 @@ from core_solver.optimise.solution import Solution
 from core_solver.optimise.threads import single_thread
 from core_solver.optimise.variables import Variables, pose_points, start_variables
 from core_solver.progress import Progress
+from core_solver.scene.aggregate import median_depth
 from core_solver.scene.contacts import contact_probability, still_feet
 from core_solver.scene.sampling import sample_bodies, sample_floor
+from core_solver.scene.support import Support, build_support
 from core_solver.tracking.tracks import Modalities
 
 Array = NDArray[np.float64]
@@ -38,6 +40,8 @@ _MASS = {
     "left_knee": 0.07, "right_knee": 0.07, "left_ankle": 0.03, "right_ankle": 0.03, "left_shoulder": 0.02,
     "right_shoulder": 0.02, "left_elbow": 0.02, "right_elbow": 0.02, "left_wrist": 0.02, "right_wrist": 0.02,
 }  # fmt: skip
+
+_DRAFT_FRAMES = 48  # of the depth map that carries feet
 
 # The keypoints that speak for a joint; joints of the trunk take the shoulders and hips.
 _WITNESSES = {
@@ -84,11 +88,23 @@ def solve(
     with progress.stage("Solve scale and depth", preset.stage_one.iterations) as advance:
         variables = minimise(energy, variables, preset.stage_one, look, advance)
     energy.look(filtered=_filtered_keypoints(energy, variables, evidence.times))
+    onlooker.stand_on(_support(modalities, camera, energy, variables, still * evidence.valid[..., None]))
     with progress.stage("Solve space and time", preset.stage_two.iterations) as advance:
         variables = minimise(energy, variables, preset.stage_two, look, advance)
     with progress.stage("Solve to the last pixel", preset.last_iterations.iterations) as advance:
         variables = minimise(energy, variables, preset.last_iterations, look_last, advance)
-    return _solution(variables, energy, evidence, still, ground)
+    return _solution(variables, energy, evidence, still, ground, onlooker)
+
+
+def _support(modalities: Modalities, camera: Camera, energy: JointEnergy, v: Variables, rests: Array) -> Support | None:
+    """The scene's surface, as far as the feet that rest agree with it; None without a depth map."""
+    if modalities.disparity is None:
+        return None
+    far, gap = (torch.exp(x).cpu().double().numpy() for x in (v.log_inverse_far, v.log_inverse_gap))
+    depth = median_depth(modalities, far, gap, _DRAFT_FRAMES)
+    up = energy.up(v).cpu().double().numpy()
+    ground = GroundFrame(-up, up, float(energy.given.offset * torch.exp(v.ground[2])))
+    return build_support(depth, camera, ground).calibrated(lowest_soles(energy, v), rests)
 
 
 def _filtered_keypoints(energy: JointEnergy, v: Variables, times: Array) -> Tensor:
@@ -150,10 +166,15 @@ def _balance(joints: Array, soles: Array, planted: Array) -> Array:
 
 
 def _solution(
-    variables: Variables, energy: JointEnergy, evidence: Evidence, still: Array, ground: ScaleGround
+    variables: Variables,
+    energy: JointEnergy,
+    evidence: Evidence,
+    still: Array,
+    ground: ScaleGround,
+    onlooker: Onlooker,
 ) -> Solution:
     heights, distance = foot_heights(energy, variables)
-    heights = heights - ground.levels[:, None, None]
+    heights = heights - onlooker.support(energy, variables)
     contacts = contact_probability(heights, still, distance)
     settled = heights[(contacts > 0.5) & evidence.valid[..., None]]
     # The plane takes its final height from the soles that stand on it.
