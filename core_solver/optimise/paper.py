@@ -61,7 +61,7 @@ class PaperPreset:
     stage_two: int = 200
     rate: float = 0.01
     decay: float = 0.99
-    raster_size: int = 128
+    raster_size: int = 96
     batch: int = 10
     renew_every: int = 25
 
