@@ -173,7 +173,7 @@ def _add_solve(commands: Commands) -> argparse.ArgumentParser:
     parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     parser.add_argument("--resume", action="store_true", help="go on from what an earlier run has kept in TAKE.work")
     parser.add_argument("--body", type=Path, metavar="FILE", help="your own SMPL file (.npz or .pkl)")
-    parser.add_argument("--preset", choices=("fast",), default="fast")
+    parser.add_argument("--preset", choices=("fast", "exact", "paper"), default="fast")
     parser.set_defaults(
         run=solve, stopped="stopped: an older take is untouched; give the same command with --resume to go on"
     )

@@ -3,10 +3,9 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from core_solver.energy.weights import Weights
 from core_solver.errors import UserError
 from core_solver.evaluation import baseline
-from core_solver.optimise.presets import PRESETS, Preset
+from core_solver.optimise.presets import PRESETS, AnyPreset
 
 ABLATION_SUITE = "ablation"
 
@@ -17,15 +16,15 @@ class Ablation:
 
     Attributes:
         name: for tables.
-        terms: names of weights; those that a build does not have are passed over.
+        terms: names of weights; those that a preset does not have are passed over.
     """
 
     name: str
     terms: tuple[str, ...]
 
-    def known_terms(self) -> tuple[str, ...]:
-        """The terms that exist."""
-        return tuple(term for term in self.terms if term in Weights.terms())
+    def known_terms(self, preset: str) -> tuple[str, ...]:
+        """The terms that a preset has."""
+        return tuple(term for term in self.terms if term in PRESETS[preset].terms())
 
 
 @dataclass(frozen=True)
@@ -45,11 +44,11 @@ class Case:
         """For people."""
         return label(self.preset, self.ablation.name)
 
-    def settings(self) -> Preset | None:
+    def settings(self) -> AnyPreset | None:
         """The preset with its terms left out; None for the baseline, which has no settings."""
         if self.preset == baseline.NAME:
             return None
-        return PRESETS[self.preset].without(*self.ablation.known_terms())
+        return PRESETS[self.preset].without(*self.ablation.known_terms(self.preset))
 
 
 def label(preset: str, ablation: str) -> str:
@@ -126,4 +125,4 @@ def choose_cases(suite: str, presets: Iterable[str] | None) -> tuple[Case, ...]:
 def _ablations(suite: str, preset: str) -> tuple[Ablation, ...]:
     if suite != ABLATION_SUITE or preset == baseline.NAME:
         return (FULL,)
-    return tuple(a for a in ABLATIONS.get(preset, OWN_TABLE) if a is FULL or a.known_terms())
+    return tuple(a for a in ABLATIONS.get(preset, OWN_TABLE) if a is FULL or a.known_terms(preset))

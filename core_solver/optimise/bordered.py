@@ -63,9 +63,11 @@ def reduce_person(curvature: Curvature, frame_gradient: Array, own_gradient: Arr
     band = _band(curvature)
     band[0] += damping * band[0] + _FLOOR
     frames = len(curvature.blocks)
-    sides = curvature.sides.cpu().double().numpy()
+    sides = curvature.sides.cpu().float().numpy()
     factor = cholesky_banded(band, overwrite_ab=True, lower=True, check_finite=False)
-    right = np.concatenate([frame_gradient[..., None], sides], -1).reshape(frames * FRAME, 1 + BORDER)
+    right = np.concatenate([frame_gradient[..., None].astype(np.float32), sides], -1).reshape(
+        frames * FRAME, 1 + BORDER
+    )
     answer = cho_solve_banded((factor, True), right, check_finite=False).reshape(frames, FRAME, 1 + BORDER)
     if not np.isfinite(answer).all():
         raise LinAlgError("the normal equations have no finite answer")
@@ -107,7 +109,7 @@ def _band(curvature: Curvature) -> Array:
     """Lower band (151, 75 T) of the frames' matrix: row d, column j holds the entry (j + d, j)."""
     blocks, following = curvature.blocks.cpu().numpy(), curvature.next.cpu().numpy()
     frames = len(blocks)
-    band = np.zeros((frames, FRAME, _BELOW + 1))
+    band = np.zeros((frames, FRAME, _BELOW + 1), np.float32)
     for column in range(FRAME):
         band[:, column, : FRAME - column] = blocks[:, column:, column]
         band[:-1, column, FRAME - column : 2 * FRAME - column] = following[:, :, column]

@@ -17,7 +17,7 @@ from core_solver.energy.weights import Weights
 from core_solver.optimise.joint_energy import JointEnergy
 from core_solver.optimise.picture_terms import contour_rest
 from core_solver.optimise.posing import Posed
-from core_solver.optimise.variables import Variables, pose_person
+from core_solver.optimise.variables import Variables
 
 FRAME = 75
 OWN = 11  # of the border: the person's log scale and betas
@@ -73,7 +73,7 @@ def person_curvature(energy: JointEnergy, v: Variables, n: int) -> Curvature:
 class _Assembly:
     def __init__(self, energy: JointEnergy, v: Variables, n: int) -> None:
         self._energy, self._v, self._n = energy, v, n
-        self._posed = pose_person(v, n, energy.body)
+        self._posed = energy.posed(v, n)
         posed, joints = self._posed, energy.body.joints
         self._levers = levers(
             v.theta[n], posed.rotations[0], posed.positions[0], posed.rest_joints[0], joints.directions
@@ -162,12 +162,12 @@ class _Assembly:
         picture, n, v, w = self._energy.motion.picture, self._n, self._v, self._weights
         if picture is None:
             return []
-        body, scene = picture.log_depths(v, n)
-        weight = w.depth * (picture.depth_weight[n] * self._energy.given.per_clip[n]) / w.depth_sigma**2
+        body, scene = picture.depth.log_depths(v, n)
+        weight = w.depth * (picture.depth.weight[n] * self._energy.given.per_clip[n]) / w.depth_sigma**2
         weight = torch.sqrt(weight * _charbonnier_slope(((body - scene)[0] / w.depth_sigma) ** 2))[:, None, None]
         border = weight.new_zeros(len(weight), 1, BORDER)
         border[..., _SCALE] = 1
-        rows = [_Rows(picture.body_rows[n][:, None] * weight, border * weight)]
+        rows = [_Rows(picture.depth.body_rows[n][:, None] * weight, border * weight)]
         if picture.contours is not None and w.silhouette > 0:
             rows.append(self._contour_rows())
         return rows

@@ -24,10 +24,10 @@ def fit_depth_range(energy: JointEnergy, v: Variables) -> Variables:
 def _pass(energy: JointEnergy, v: Variables) -> Variables:
     given, w, picture = energy.given, energy.weights, energy.motion.picture
     assert picture is not None  # noqa: S101 - asked by the caller
-    pairs = [picture.log_depths(v, n) for n in range(energy.people)]
+    pairs = [picture.depth.log_depths(v, n) for n in range(energy.people)]
     residual = torch.cat([(scene - body) / w.depth_sigma for body, scene in pairs])
-    weight = w.depth * picture.depth_weight * given.per_clip * torch.rsqrt(1 + residual**2)
-    rows = picture.scene_rows / w.depth_sigma
+    weight = w.depth * picture.depth.weight * given.per_clip * torch.rsqrt(1 + residual**2)
+    rows = picture.depth.scene_rows / w.depth_sigma
     system = torch.einsum("nt,nta,ntb->tab", weight, rows, rows)
     gradient = torch.einsum("nt,nta,nt->ta", weight, rows, residual)
     slack = torch.stack([v.log_inverse_far, v.log_inverse_gap], -1) - v.log_range

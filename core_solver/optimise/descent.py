@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
+from torch.optim.adam import adam
 
 
 def descend(
@@ -24,22 +25,21 @@ def descend(
     Returns:
         The last energy.
     """
-    groups = [{"params": [tensor.requires_grad_()], "lr": rate} for tensor, rate in variables]
-    optimiser = torch.optim.Adam(groups, betas=(0.9, 0.95))
-    schedule = torch.optim.lr_scheduler.LambdaLR(
-        optimiser, lambda step: 0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * min(step / iterations, 1)))
-    )
+    # The function behind torch.optim.Adam: the class would first import a compiler, which takes seconds.
+    leaves = [tensor.requires_grad_() for tensor, _ in variables]
+    first, second = [torch.zeros_like(x) for x in leaves], [torch.zeros_like(x) for x in leaves]
+    steps = [torch.zeros(()) for _ in leaves]
     value = math.nan
     for iteration in range(iterations):
-        optimiser.zero_grad(set_to_none=True)
         total = energy(iteration)
-        total.backward()
-        # A frame whose evidence contradicts itself must not poison the clip: its gradient is dropped, not spread.
-        for tensor, _ in variables:
-            if tensor.grad is not None:
-                torch.nan_to_num_(tensor.grad, nan=0.0, posinf=0.0, neginf=0.0)
-        optimiser.step()
-        schedule.step()
+        gradients = torch.autograd.grad(total, leaves, materialize_grads=True)
+        fall = 0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * iteration / iterations))
+        for i, (tensor, rate) in enumerate(variables):
+            # A frame whose evidence contradicts itself must not poison the clip: its gradient is dropped, not spread.
+            gradient = torch.nan_to_num(gradients[i], nan=0.0, posinf=0.0, neginf=0.0)
+            with torch.no_grad():
+                adam([tensor], [gradient], [first[i]], [second[i]], [], [steps[i]], amsgrad=False, beta1=0.9,
+                     beta2=0.95, lr=rate * fall, weight_decay=0, eps=1e-8, maximize=False)  # fmt: skip
         value = float(total.detach())
         advance(1)
     for tensor, _ in variables:

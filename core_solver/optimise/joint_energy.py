@@ -30,6 +30,7 @@ DEPTH_RANGE_SIGMA = 0.05  # a frame's log z_near and z_far about the clip's: net
 
 _FILLED_TRUST = 0.3  # theta^ of a frame without evidence keeps the motion plausible
 _NEAREST_M = 0.05
+_ARMS_LENGTH_M = 2.5  # of two people together
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,7 @@ class JointEnergy:
     def __init__(self, given: Given, body: TorchBody, weights: Weights) -> None:
         self.given, self.body, self.weights = given, body, weights
         self.motion = Motion()
+        self._posed: dict[int, tuple[Variables, Posed]] = {}
 
     @property
     def people(self) -> int:
@@ -109,9 +111,19 @@ class JointEnergy:
         with torch.no_grad():
             return float(self.shared(v)) + sum(float(self.person(v, n)) for n in range(self.people))
 
+    def posed(self, v: Variables, n: int) -> Posed:
+        """One person's posed joints; asked again about the same variables without gradients, the same answer."""
+        if torch.is_grad_enabled():
+            return pose_person(v, n, self.body)
+        last = self._posed.get(n)
+        if last is None or last[0] is not v:
+            last = v, pose_person(v, n, self.body)
+            self._posed[n] = last
+        return last[1]
+
     def person(self, v: Variables, n: int) -> Tensor:
         """All terms of one person."""
-        posed = pose_person(v, n, self.body)
+        posed = self.posed(v, n)
         return torch.stack(list(self.person_terms(v, n, posed).values())).sum()
 
     def person_terms(self, v: Variables, n: int, posed: Posed) -> dict[str, Tensor]:
@@ -222,22 +234,27 @@ class JointEnergy:
         centres = self.spheres(v, n, posed)
         radii = self.body.radii * torch.exp(v.log_scale[n].detach())
         first, second = self.body.pairs.T
-        apart = (centres[:, :, first] - centres[:, :, second]).square().sum(-1)
-        value = terms.collision(radii[first] + radii[second] - torch.sqrt(apart + 1e-9), w.collision_sigma)
+        apart = torch.cdist(centres, centres)[:, :, first, second]
+        value = terms.collision(radii[first] + radii[second] - apart, w.collision_sigma)
         for other in range(self.people) if others is not None else ():
-            if other != n:
+            if other != n and self._may_meet(centres[0, :, 0], others[other, :, 0]):
                 reach = radii[:, None] + self.body.radii * torch.exp(v.log_scale[other].detach())
                 apart = torch.cdist(centres, others[other : other + 1])
                 value = value + terms.collision((reach - apart).flatten(2), w.collision_sigma)
         return w.collision * value
+
+    @staticmethod
+    def _may_meet(roots: Tensor, others: Tensor) -> bool:
+        """Whether two people's roots (T, 3) ever come within arms' length of each other."""
+        return bool(((roots - others).detach().square().sum(-1) < _ARMS_LENGTH_M**2).any())
 
     def _picture(self, v: Variables, n: int, posed: Posed) -> dict[str, Tensor]:
         picture = self.motion.picture
         if picture is None:
             return {}
         w, one = self.weights, slice(n, n + 1)
-        body, scene = picture.log_depths(v, n)
-        weight = picture.depth_weight[one] * self.given.per_clip[one]
+        body, scene = picture.depth.log_depths(v, n)
+        weight = picture.depth.weight[one] * self.given.per_clip[one]
         result = {"depth": w.depth * terms.depth(body, scene, weight, w.depth_sigma)}
         if picture.contours is not None:
             points = contour_points(picture.contours, self.body, v, n, posed)

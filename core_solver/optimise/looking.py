@@ -9,14 +9,17 @@ from numpy.typing import NDArray
 from core_solver.camera import Camera
 from core_solver.optimise.evidence import Evidence
 from core_solver.optimise.joint_energy import JointEnergy
-from core_solver.optimise.picture_terms import PictureTerms
+from core_solver.optimise.picture_terms import DepthTerms, PictureTerms
 from core_solver.optimise.raster_evidence import Grids, find_contours, no_depth, pixel_depth, read_grids, vertex_depth
-from core_solver.optimise.variables import Variables, pose_person
+from core_solver.optimise.variables import Variables
 from core_solver.scene.contacts import contact_probability
 from core_solver.scene.support import Support
 from core_solver.tracking.tracks import Modalities
 
 Array = NDArray[np.float64]
+
+
+_DEPTH_LIVES = 3  # looks
 
 
 @dataclass(frozen=True)
@@ -52,12 +55,14 @@ class Onlooker:
         self._levels = np.broadcast_to(levels[:, None, None], still.shape)
         self._support: Support | None = None
         self._grids: dict[int, Grids] = {}
+        self._depth: DepthTerms | None = None
+        self._looks = 0
 
     def look(self, energy: JointEnergy, v: Variables, closely: Look) -> None:
         """Renew the raster terms, the contacts, the supports and everybody's spheres."""
         self.look_at_feet(energy, v)
         with torch.no_grad():
-            spheres = [energy.spheres(v, n, pose_person(v, n, energy.body)) for n in range(energy.people)]
+            spheres = [energy.spheres(v, n, energy.posed(v, n)) for n in range(energy.people)]
         energy.look(spheres=torch.cat(spheres), picture=self._picture(energy, v, closely))
 
     def stand_on(self, support: Support | None) -> None:
@@ -84,25 +89,32 @@ class Onlooker:
         above = heights - self._support.plane_under(soles)
         return np.where(trust > 0, trust * above + (1 - trust) * self._levels, self._levels)
 
-    def _picture(self, energy: JointEnergy, v: Variables, closely: Look) -> PictureTerms | None:
+    def _picture(self, energy: JointEnergy, v: Variables, closely: Look) -> PictureTerms:
         w = energy.weights
         if closely.long_side not in self._grids:
             self._grids[closely.long_side] = read_grids(self._modalities, self._camera, closely.long_side)
         grids, ids = self._grids[closely.long_side], [track.id for track in self._modalities.tracks]
         contours = find_contours(energy, v, grids, ids, closely.samples) if w.silhouette > 0 else None
-        if self._modalities.disparity is None or w.depth == 0:
-            depth = no_depth(v)
-        elif closely.each_pixel:
-            depth = pixel_depth(energy, v, grids, ids)
-        else:
-            depth = vertex_depth(energy, v, self._evidence, self._modalities, self._camera)
-        return PictureTerms(v, *depth, contours)
+        # Depths change little while outlines settle: one look serves for a few iterations.
+        if self._depth is None or closely.each_pixel or self._looks % _DEPTH_LIVES == 0:
+            self._depth = self._look_at_depth(energy, v, grids, ids, closely)
+        self._looks += 1
+        return PictureTerms(self._depth, contours)
+
+    def _look_at_depth(
+        self, energy: JointEnergy, v: Variables, grids: Grids, ids: list[int], closely: Look
+    ) -> DepthTerms:
+        if self._modalities.disparity is None or energy.weights.depth == 0:
+            return no_depth(v)
+        if closely.each_pixel:
+            return pixel_depth(energy, v, grids, ids)
+        return vertex_depth(energy, v, self._evidence, self._modalities, self._camera)
 
 
 def foot_heights(energy: JointEnergy, v: Variables) -> tuple[Array, Array]:
     """Height of each foot's lowest point above the common ground (N, T, 2) and people's distance (N, T), metres."""
     with torch.no_grad():
-        heights = torch.cat([energy.sole_heights(v, n, pose_person(v, n, energy.body)) for n in range(energy.people)])
+        heights = torch.cat([energy.sole_heights(v, n, energy.posed(v, n)) for n in range(energy.people)])
         distance = torch.exp(v.log_scale)[:, None] * v.translation[..., 2]
     return heights.amin(-1).cpu().double().numpy(), distance.cpu().double().numpy()
 
@@ -113,7 +125,7 @@ def lowest_soles(energy: JointEnergy, v: Variables) -> Array:
         up = energy.up(v)
         people = []
         for n in range(energy.people):
-            posed, one = pose_person(v, n, energy.body), slice(n, n + 1)
+            posed, one = energy.posed(v, n), slice(n, n + 1)
             soles = (posed.skin(energy.body.soles, v.betas[one]) + v.translation[one, :, None]).unflatten(2, (2, -1))
             lowest = (soles @ up).argmin(-1)[..., None, None].expand(*soles.shape[:3], 1, 3)
             people.append(torch.exp(v.log_scale[n]) * torch.gather(soles, 3, lowest)[..., 0, :])

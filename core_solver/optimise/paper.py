@@ -65,6 +65,11 @@ class PaperPreset:
     batch: int = 10
     renew_every: int = 25
 
+    @staticmethod
+    def terms() -> tuple[str, ...]:
+        """What can be switched off."""
+        return PaperWeights.terms()
+
     def without(self, *terms: str) -> "PaperPreset":
         """The same with these terms switched off.
 

@@ -33,26 +33,24 @@ class ContourTerms:
 
 
 @dataclass(frozen=True)
-class PictureTerms:
-    """Raster terms about the variables `at`.
+class DepthTerms:
+    """Mean log depths, linear about the variables `at`.
 
     Attributes:
         at: where the bodies were when the picture was looked at.
-        body_log_depth: (N, T) M of the bodies.
+        body: (N, T) M of the bodies.
         body_rows: (N, T, 75) its derivative with respect to theta and translation.
-        scene_log_depth: (N, T) M of the depth map at the same pixels.
+        scene: (N, T) M of the depth map at the same pixels.
         scene_rows: (N, T, 2) its derivative with respect to log_inverse_far and log_inverse_gap.
-        depth_weight: (N, T), 0 where body and mask do not meet.
-        contours: samples of the silhouette, None without that term.
+        weight: (N, T), 0 where body and mask do not meet.
     """
 
     at: Variables
-    body_log_depth: Tensor
+    body: Tensor
     body_rows: Tensor
-    scene_log_depth: Tensor
+    scene: Tensor
     scene_rows: Tensor
-    depth_weight: Tensor
-    contours: ContourTerms | None
+    weight: Tensor
 
     def log_depths(self, v: Variables, n: int) -> tuple[Tensor, Tensor]:
         """M (1, T) of one person's body and of the depth map, metres, linear in the variables."""
@@ -60,13 +58,19 @@ class PictureTerms:
         moved = torch.cat(
             [(v.theta[one] - self.at.theta[one]).flatten(2), v.translation[one] - self.at.translation[one]], -1
         )
-        body = (
-            self.body_log_depth[one] + (self.body_rows[one] * moved).sum(-1) + (v.log_scale[n] - self.at.log_scale[n])
-        )
+        body = self.body[one] + (self.body_rows[one] * moved).sum(-1) + (v.log_scale[n] - self.at.log_scale[n])
         ranges = torch.stack(
             [v.log_inverse_far - self.at.log_inverse_far, v.log_inverse_gap - self.at.log_inverse_gap], -1
         )
-        return body, self.scene_log_depth[one] + (self.scene_rows[one] * ranges).sum(-1)
+        return body, self.scene[one] + (self.scene_rows[one] * ranges).sum(-1)
+
+
+@dataclass(frozen=True)
+class PictureTerms:
+    """Raster terms of all people; outlines are None without the silhouette term."""
+
+    depth: DepthTerms
+    contours: ContourTerms | None
 
 
 @dataclass(frozen=True)

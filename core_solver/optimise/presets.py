@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from core_solver.energy.weights import Weights
 from core_solver.optimise.looking import Look
+from core_solver.optimise.paper import PaperPreset
 from core_solver.optimise.second_order import Schedule
 
 
@@ -29,6 +30,11 @@ class Preset:
     last_look: Look
     last_iterations: Schedule
 
+    @staticmethod
+    def terms() -> tuple[str, ...]:
+        """What can be switched off."""
+        return Weights.terms()
+
     def without(self, *terms: str) -> "Preset":
         """The same with these terms switched off; a term is named as its weight is.
 
@@ -48,4 +54,5 @@ FAST = Preset(
     Schedule(2, 1e-3),
 )  # fmt: skip
 EXACT = Preset("exact", Weights(), Schedule(8, 1e-3), Schedule(20, 3e-4), _EACH_PIXEL, _EACH_PIXEL, Schedule(2, 1e-4))
-PRESETS = {preset.name: preset for preset in (FAST, EXACT)}
+AnyPreset = Preset | PaperPreset
+PRESETS: dict[str, AnyPreset] = {preset.name: preset for preset in (FAST, EXACT, PaperPreset())}

@@ -11,15 +11,12 @@ from core_solver.camera import Camera
 from core_solver.optimise.evidence import Evidence
 from core_solver.optimise.joint_energy import JointEnergy
 from core_solver.optimise.masks import ideal_grids, raster_grid
-from core_solver.optimise.picture_terms import ContourTerms
+from core_solver.optimise.picture_terms import ContourTerms, DepthTerms
 from core_solver.optimise.posing import PointSet
-from core_solver.optimise.variables import Variables, pose_person
+from core_solver.optimise.variables import Variables, of_frames
 from core_solver.raster import Contours, Pinhole, contours, depth_buffer, solve_terms, visibility
 from core_solver.scene.sampling import BodyDepth, sample_bodies
 from core_solver.tracking.tracks import Modalities
-
-Depths = tuple[Tensor, Tensor, Tensor, Tensor, Tensor]
-"""The fields of `PictureTerms` from `body_log_depth` to `depth_weight`."""
 
 _REACH = 0.04  # of the grid's longer side: how far an outline looks for its mask's edge
 _CHUNK = 64  # frames whose bodies are held at once
@@ -55,18 +52,20 @@ def read_grids(modalities: Modalities, camera: Camera, long_side: int) -> Grids:
     )
 
 
-def no_depth(v: Variables) -> Depths:
+def no_depth(v: Variables) -> DepthTerms:
     """No evidence of depth."""
     zero = torch.zeros_like(v.translation[..., 0])
-    return zero, zero[..., None].expand(-1, -1, 75), zero, zero[..., None].expand(-1, -1, 2), zero
+    return DepthTerms(v, zero, zero[..., None].expand(-1, -1, 75), zero, zero[..., None].expand(-1, -1, 2), zero)
 
 
 def find_contours(energy: JointEnergy, v: Variables, grids: Grids, ids: list[int], samples: int) -> ContourTerms:
     """Outlines of all bodies and where their masks end, in footage pixels."""
     reach = max(2, round(_REACH * max(grids.pinhole.width, grids.pinhole.height)))
     parts = [
-        contours(_surfaces(energy, v, frames), energy.body.faces, grids.pinhole, grids.labels[frames], ids, samples,
-                 reach)
+        contours(
+            _surfaces(energy, of_frames(v, frames)), energy.body.faces, grids.pinhole, grids.labels[frames], ids,
+            samples, reach,
+        )
         for frames in _chunks(v)
     ]  # fmt: skip
 
@@ -87,35 +86,36 @@ def find_contours(energy: JointEnergy, v: Variables, grids: Grids, ids: list[int
     )
 
 
-def pixel_depth(energy: JointEnergy, v: Variables, grids: Grids, ids: list[int]) -> Depths:
+def pixel_depth(energy: JointEnergy, v: Variables, grids: Grids, ids: list[int]) -> DepthTerms:
     """Mean log depths over every pixel that is body, mask and visible, as the paper defines them."""
     chunks = [_pixel_depth_of(energy, v, grids, ids, frames) for frames in _chunks(v)]
     body, rows, inverse, weight = (torch.cat(parts, 1) for parts in zip(*chunks, strict=True))
-    return body, rows, inverse[..., 0], inverse[..., 1:], weight
+    return DepthTerms(v, body, rows, inverse[..., 0], inverse[..., 1:], weight)
 
 
 def _pixel_depth_of(
     energy: JointEnergy, v: Variables, grids: Grids, ids: list[int], frames: slice
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    surfaces, faces, like = _surfaces(energy, v, frames), energy.body.faces, v.theta
+    part, faces, like = of_frames(v, frames), energy.body.faces, v.theta
+    surfaces = _surfaces(energy, part)
     terms = solve_terms(surfaces, faces, grids.pinhole, grids.labels[frames], ids)
-    scene = _scene_means(surfaces, faces, grids, ids, v, frames)
+    scene = _scene_means(surfaces, faces, grids, ids, part, frames)
 
     def tensor(values: NDArray) -> Tensor:
         return torch.as_tensor(np.swapaxes(values, 0, 1).copy(), dtype=like.dtype, device=like.device)
 
     gradient = tensor(terms.log_depth_gradient)
-    rows = torch.stack([_row(energy, v, n, frames, gradient[n]) for n in range(energy.people)])
+    rows = torch.stack([_row(energy, part, n, gradient[n]) for n in range(energy.people)])
     return tensor(terms.log_depth), rows, tensor(scene[0]), tensor(scene[1])
 
 
-def _row(energy: JointEnergy, v: Variables, n: int, frames: slice, gradient: Tensor) -> Tensor:
+def _row(energy: JointEnergy, v: Variables, n: int, gradient: Tensor) -> Tensor:
     """(T, 75) of one person: frames do not see each other's angles, so one backward pass gives every frame's row."""
     leaves = v.leaves()
-    (gradient * _metric(energy, leaves, n, energy.body.surface)[0, frames]).sum().backward()
-    assert leaves.theta.grad is not None  # noqa: S101 - what `backward` has just made
-    assert leaves.translation.grad is not None  # noqa: S101
-    return torch.cat([leaves.theta.grad[n].flatten(1), leaves.translation.grad[n]], -1)[frames]
+    turns, moves = torch.autograd.grad(
+        (gradient * _metric(energy, leaves, n, energy.body.surface)[0]).sum(), [leaves.theta, leaves.translation]
+    )
+    return torch.cat([turns[n].flatten(1), moves[n]], -1)
 
 
 def _scene_means(
@@ -123,32 +123,36 @@ def _scene_means(
 ) -> tuple[NDArray, NDArray]:
     """M of the depth map with its two derivatives (T, N, 3), and the weight (T, N)."""
     assert grids.disparity is not None  # noqa: S101 - asked by the caller
-    labels, disparity = grids.labels[frames], grids.disparity[frames].astype(np.float32)
+    labels, disparity = grids.labels[frames], grids.disparity[frames]
     visible = visibility(surfaces, faces, grids.pinhole, labels, ids)
-    far = torch.exp(v.log_inverse_far[frames]).cpu().double().numpy()[:, None, None]
-    gap = torch.exp(v.log_inverse_gap[frames]).cpu().double().numpy()[:, None, None]
-    inverse = far + gap * disparity
-    fields = np.stack([-np.log(inverse), -far / inverse, -gap * disparity / inverse], -1)
+    far = torch.exp(v.log_inverse_far).cpu().double().numpy()
+    gap = torch.exp(v.log_inverse_gap).cpu().double().numpy()
+    count = len(surfaces)
     means, weight = np.zeros((*surfaces.shape[:2], 3)), np.zeros(surfaces.shape[:2])
     for n, label in enumerate(ids):
         drawn = depth_buffer(surfaces[:, n], faces, grids.pinhole)[1] >= 0
-        common = drawn & (labels == label) & (visible[:, n] > 0)
-        count = common.sum(axis=(1, 2))
-        means[:, n] = np.einsum("thw,thwc->tc", common, fields) / np.maximum(count, 1)[:, None]
-        weight[:, n] = np.minimum(1, count / np.maximum(_FULL_TRUST_SHARE * drawn.sum(axis=(1, 2)), 1))
+        frame, row, column = np.nonzero(drawn & (labels == label) & (visible[:, n] > 0))
+        near = gap[frame] * disparity[frame, row, column]
+        inverse = far[frame] + near
+        pixels = np.bincount(frame, minlength=count)
+        for field, values in enumerate((-np.log(inverse), -far[frame] / inverse, -near / inverse)):
+            means[:, n, field] = np.bincount(frame, values, minlength=count) / np.maximum(pixels, 1)
+        weight[:, n] = np.minimum(1, pixels / np.maximum(_FULL_TRUST_SHARE * drawn.sum(axis=(1, 2)), 1))
     return means, weight
 
 
 def vertex_depth(
     energy: JointEnergy, v: Variables, evidence: Evidence, modalities: Modalities, camera: Camera
-) -> Depths:
+) -> DepthTerms:
     """The same means over the visible proxy vertices: cheaper, and nearly as good."""
     with torch.no_grad():
         proxy = torch.cat([_metric(energy, v, n, energy.body.proxy) for n in range(energy.people)])
     depth = sample_bodies(proxy.cpu().double().numpy(), evidence.valid, modalities, camera)
     people = [_depth_of_person(energy, v, n, depth) for n in range(energy.people)]
     body, rows, scene, scene_rows = (torch.cat(parts) for parts in zip(*people, strict=True))
-    return body, rows, scene, scene_rows, torch.as_tensor(depth.weight, dtype=body.dtype, device=body.device)
+    return DepthTerms(
+        v, body, rows, scene, scene_rows, torch.as_tensor(depth.weight, dtype=body.dtype, device=body.device)
+    )
 
 
 def _depth_of_person(
@@ -174,19 +178,15 @@ def _depth_of_person(
 def _metric(energy: JointEnergy, v: Variables, n: int, points: PointSet) -> Tensor:
     """(1, T, P, 3) metres, camera frame."""
     one = slice(n, n + 1)
-    posed = pose_person(v, n, energy.body)
+    posed = energy.posed(v, n)
     return torch.exp(v.log_scale[n]) * (posed.skin(points, v.betas[one]) + v.translation[one, :, None])
 
 
-def _surfaces(energy: JointEnergy, v: Variables, frames: slice) -> NDArray[np.float32]:
-    """(T, N, V, 3) metres, camera frame, of some frames."""
-    part = Variables(
-        v.theta[:, frames], v.translation[:, frames], v.betas, v.log_scale, v.ground, v.log_focal,
-        v.log_inverse_far[frames], v.log_inverse_gap[frames], v.log_range,
-    )  # fmt: skip
+def _surfaces(energy: JointEnergy, v: Variables) -> NDArray[np.float32]:
+    """(T, N, V, 3) metres, camera frame."""
     with torch.no_grad():
-        people = torch.cat([_metric(energy, part, n, energy.body.surface) for n in range(energy.people)])
-    return np.ascontiguousarray(people.transpose(0, 1).cpu().float().numpy())
+        people = torch.cat([_metric(energy, v, n, energy.body.surface) for n in range(energy.people)])
+        return np.ascontiguousarray(people.transpose(0, 1).cpu().float().numpy())
 
 
 def _chunks(v: Variables) -> list[slice]:

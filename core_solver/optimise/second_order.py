@@ -68,9 +68,7 @@ def minimise(
     damping, iteration = _FIRST_DAMPING, 0
     while iteration < schedule.iterations:
         look(v)
-        v = fit_depth_range(energy, v)
-        before = energy.value(v)
-        v, damping, after = _iterate(energy, v, before, damping)
+        v, damping, before, after = _iterate(energy, fit_depth_range(energy, v), damping)
         _LOG.debug("iteration %d: energy %.6g to %.6g, damping %.1g", iteration, before, after, damping)
         iteration += 1
         advance(1)
@@ -80,10 +78,10 @@ def minimise(
     return v
 
 
-def _iterate(energy: JointEnergy, v: Variables, before: float, damping: float) -> tuple[Variables, float, float]:
-    """One accepted step, or none when no damping helps; also the next damping and the energy reached."""
+def _iterate(energy: JointEnergy, v: Variables, damping: float) -> tuple[Variables, float, float, float]:
+    """One accepted step, or none when no damping helps; also the next damping and the energies before and after."""
     with ThreadPoolExecutor(_WORKERS) as pool:
-        gradient = _gradient(energy, v, pool)
+        before, gradient = _gradient(energy, v, pool)
         curvatures = list(pool.map(lambda n: person_curvature(energy, v, n), range(energy.people)))
         shared = _shared_curvature(energy)
         for _ in range(_ATTEMPTS):
@@ -96,9 +94,9 @@ def _iterate(energy: JointEnergy, v: Variables, before: float, damping: float) -
             trial = _moved(v, step)
             after = energy.value(trial)
             if after < before:
-                return trial, max(damping / 5, _LEAST_DAMPING), after
+                return trial, max(damping / 5, _LEAST_DAMPING), before, after
             damping = min(damping * 6, _MOST_DAMPING)
-    return v, damping, before
+    return v, damping, before, before
 
 
 @dataclass(frozen=True)
@@ -111,22 +109,26 @@ class _Reduce:
         return reduce_person(self.curvatures[n], self.gradient.frames[n], self.gradient.own[n], self.damping)
 
 
-def _gradient(energy: JointEnergy, v: Variables, pool: ThreadPoolExecutor) -> _Gradient:
-    """Half the gradient of everything but the depth range, which is solved for on its own."""
+def _gradient(energy: JointEnergy, v: Variables, pool: ThreadPoolExecutor) -> tuple[float, _Gradient]:
+    """The energy, and half its gradient by everything but the depth range, which is solved for on its own."""
 
-    def person(n: int) -> tuple[Array, Array, Array]:
+    def person(n: int) -> tuple[float, Array, Array, Array]:
         leaves = v.leaves()
-        energy.person(leaves, n).backward()
+        value = energy.person(leaves, n)
+        value.backward()
         frames = torch.cat([_grad(leaves.theta)[n].flatten(1), _grad(leaves.translation)[n]], -1)
         own = torch.cat([_grad(leaves.log_scale)[n : n + 1], _grad(leaves.betas)[n]])
         shared = torch.cat([_grad(leaves.ground), _grad(leaves.log_focal)[None]])
-        return _numbers(frames), _numbers(own), _numbers(shared)
+        return float(value.detach()), _numbers(frames), _numbers(own), _numbers(shared)
 
-    frames, own, shared = zip(*pool.map(person, range(energy.people)), strict=True)
+    values, frames, own, shared = zip(*pool.map(person, range(energy.people)), strict=True)
     leaves = v.leaves()
-    energy.shared(leaves).backward()
+    value = energy.shared(leaves)
+    value.backward()
     scene = _numbers(torch.cat([_grad(leaves.ground), _grad(leaves.log_focal)[None]]))
-    return _Gradient(np.stack(frames) / 2, np.stack(own) / 2, (np.sum(shared, axis=0) + scene) / 2)
+    return sum(values) + float(value.detach()), _Gradient(
+        np.stack(frames) / 2, np.stack(own) / 2, (np.sum(shared, axis=0) + scene) / 2
+    )
 
 
 def _grad(leaf: Tensor) -> Tensor:

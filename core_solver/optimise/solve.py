@@ -17,9 +17,10 @@ from core_solver.optimise.evidence import Evidence, gather_evidence
 from core_solver.optimise.joint_energy import JointEnergy, given_evidence
 from core_solver.optimise.looking import Onlooker, foot_heights, lowest_soles
 from core_solver.optimise.one_euro import one_euro_zero_phase
+from core_solver.optimise.paper import PaperPreset, solve_paper
 from core_solver.optimise.pose_fit import PoseFit, fit_poses
 from core_solver.optimise.posing import TorchBody, pose, sole_rows, torch_body
-from core_solver.optimise.presets import Preset
+from core_solver.optimise.presets import AnyPreset
 from core_solver.optimise.scale_ground import ScaleGround, ScaleProblem, fit_scale_ground
 from core_solver.optimise.second_order import minimise
 from core_solver.optimise.solution import Solution
@@ -54,7 +55,7 @@ _TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 
 @single_thread()
 def solve(
-    modalities: Modalities, camera: Camera, body: BodyModel, progress: Progress, preset: Preset, device: str = "cpu"
+    modalities: Modalities, camera: Camera, body: BodyModel, progress: Progress, preset: AnyPreset, device: str = "cpu"
 ) -> Solution:
     """Solve all people and the scene of a clip.
 
@@ -66,6 +67,8 @@ def solve(
         preset: what is minimised and how.
         device: "cpu" or "cuda".
     """
+    if isinstance(preset, PaperPreset):
+        return solve_paper(modalities, camera, body, progress, preset, device)
     evidence = gather_evidence(modalities, camera)
     solver_body = torch_body(body, torch.device(device))
     with progress.stage("Fit poses", pose_fit.ITERATIONS) as advance:

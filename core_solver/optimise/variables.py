@@ -6,7 +6,7 @@ problem; and motion measured at unit scale, that is in bodies instead of metres,
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import torch
@@ -84,6 +84,17 @@ def start_variables(fit: PoseFit, ground: ScaleGround, body: TorchBody) -> Varia
         log_inverse_far=tensor(np.full(frames, math.log(ground.inverse_far))),
         log_inverse_gap=tensor(np.full(frames, math.log(ground.inverse_gap))),
         log_range=tensor(np.log([ground.inverse_far, ground.inverse_gap])),
+    )
+
+
+def of_frames(v: Variables, frames: slice) -> Variables:
+    """The variables of some frames alone."""
+    return replace(
+        v,
+        theta=v.theta[:, frames],
+        translation=v.translation[:, frames],
+        log_inverse_far=v.log_inverse_far[frames],
+        log_inverse_gap=v.log_inverse_gap[frames],
     )
 
 
