@@ -44,11 +44,14 @@ class Case:
         """For people."""
         return label(self.preset, self.ablation.name)
 
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Terms of the preset that are switched off; none for the baseline, which has no terms."""
+        return () if self.preset == baseline.NAME else self.ablation.known_terms(self.preset)
+
     def settings(self) -> AnyPreset | None:
         """The preset with its terms left out; None for the baseline, which has no settings."""
-        if self.preset == baseline.NAME:
-            return None
-        return PRESETS[self.preset].without(*self.ablation.known_terms(self.preset))
+        return None if self.preset == baseline.NAME else PRESETS[self.preset].without(*self.left_out)
 
 
 def label(preset: str, ablation: str) -> str:

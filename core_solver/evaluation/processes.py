@@ -57,7 +57,7 @@ class Job:
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
         with self._log.open("wb") as log:
             return subprocess.Popen(
-                [*command, *self.case.ablation.known_terms()], stdout=log, stderr=subprocess.STDOUT, env=environment
+                [*command, *self.case.left_out], stdout=log, stderr=subprocess.STDOUT, env=environment
             )
 
 

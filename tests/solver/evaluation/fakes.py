@@ -72,7 +72,7 @@ class _Ended:
 def start_here(job: Job) -> _Ended:
     """Instead of `Job.start`: the worker's own code, but in this process, which saves seconds of imports."""
     try:
-        worker.main([str(job.problem), str(job.outcome), job.case.preset, *job.case.ablation.known_terms()])
+        worker.main([str(job.problem), str(job.outcome), job.case.preset, *job.case.left_out])
     except ValueError as error:
         job.outcome.with_suffix(".log").write_text(f"Traceback\nValueError: {error}\n")
     return _Ended()
