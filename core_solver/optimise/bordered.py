@@ -105,7 +105,7 @@ def solve_border(people: Sequence[PersonSystem], shared_curvature: Array, shared
     return Step(-np.stack(frames), -own, -common)
 
 
-def _band(curvature: Curvature) -> Array:
+def _band(curvature: Curvature) -> NDArray[np.float32]:
     """Lower band (151, 75 T) of the frames' matrix: row d, column j holds the entry (j + d, j)."""
     blocks, following = curvature.blocks.cpu().numpy(), curvature.next.cpu().numpy()
     frames = len(blocks)

@@ -15,7 +15,7 @@ from torch import Tensor
 from core_solver.body.jacobian_torch import levers, point_jacobian, shape_jacobian
 from core_solver.energy.weights import Weights
 from core_solver.optimise.joint_energy import JointEnergy
-from core_solver.optimise.picture_terms import contour_rest
+from core_solver.optimise.picture_terms import ContourTerms, contour_rest
 from core_solver.optimise.posing import Posed
 from core_solver.optimise.variables import Variables
 
@@ -169,12 +169,11 @@ class _Assembly:
         border[..., _SCALE] = 1
         rows = [_Rows(picture.depth.body_rows[n][:, None] * weight, border * weight)]
         if picture.contours is not None and w.silhouette > 0:
-            rows.append(self._contour_rows())
+            rows.append(self._contour_rows(picture.contours))
         return rows
 
-    def _contour_rows(self) -> _Rows:
-        picture, n, v, w = self._energy.motion.picture, self._n, self._v, self._weights
-        contours = picture.contours
+    def _contour_rows(self, contours: ContourTerms) -> _Rows:
+        n, v, w = self._n, self._v, self._weights
         sample = contour_rest(contours, self._energy.body, v.betas[n], n)
         frame, border, pixels = self._projected(self._moving(sample.rest, sample.directions, sample.weights))
         axis = contours.axis[n]

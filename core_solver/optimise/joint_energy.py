@@ -236,10 +236,10 @@ class JointEnergy:
         first, second = self.body.pairs.T
         apart = torch.cdist(centres, centres)[:, :, first, second]
         value = terms.collision(radii[first] + radii[second] - apart, w.collision_sigma)
-        for other in range(self.people) if others is not None else ():
-            if other != n and self._may_meet(centres[0, :, 0], others[other, :, 0]):
+        for other, there in enumerate(others if others is not None else ()):
+            if other != n and self._may_meet(centres[0, :, 0], there[:, 0]):
                 reach = radii[:, None] + self.body.radii * torch.exp(v.log_scale[other].detach())
-                apart = torch.cdist(centres, others[other : other + 1])
+                apart = torch.cdist(centres, there[None])
                 value = value + terms.collision((reach - apart).flatten(2), w.collision_sigma)
         return w.collision * value
 

@@ -140,7 +140,8 @@ def _resized(x: Array, people: int, factor: float) -> Array:
 
 def _softened(residual: Array) -> Array:
     """Residuals whose squares grow like the residuals themselves where these are large."""
-    return np.sign(residual) * np.sqrt(2 * (np.sqrt(1 + residual**2) - 1))
+    size: Array = np.sqrt(2 * (np.sqrt(1 + residual**2) - 1))
+    return np.sign(residual) * size
 
 
 def _starts(problem: ScaleProblem, up: Array, weights: Weights) -> list[tuple[Array, Array, float]]:

@@ -33,7 +33,7 @@ def sharpen(disparity: NDArray) -> NDArray:
     values = np.where(known, values, low)
     reach = max(3, round(_WIDEST_BLUR * max(values.shape)))
     down, across = cv2.Sobel(values, cv2.CV_32F, 0, 1, scale=1 / 8), cv2.Sobel(values, cv2.CV_32F, 1, 0, scale=1 / 8)
-    slope = cv2.magnitude(across, down)
+    slope = np.asarray(cv2.magnitude(across, down), np.float32)
     steep = _excess(slope, reach) > _EXCESS * (high - low) / reach
     row, column = np.nonzero(steep & known)
     if not len(row):

@@ -99,7 +99,7 @@ class _DisparityErrors:
         size = (inverse.shape[1], inverse.shape[0])
         low, high = np.percentile(inverse, (1, 99))
         disparity = (inverse - low) / max(high - low, _LEAST_RANGE)
-        whose = cv2.resize(frame.labels, size, interpolation=cv2.INTER_NEAREST)
+        whose = np.asarray(cv2.resize(frame.labels, size, interpolation=cv2.INTER_NEAREST), np.uint8)
         disparity += np.concatenate([[0.0], self.person[t]]).astype(np.float32)[whose]
         disparity += smooth_field(self.relief, size) + smooth_field(self.wave[t], size)
         disparity += smooth_field(self.grain[t], size)

@@ -54,8 +54,8 @@ class Terrain:
 
     def height(self, xy: ArrayLike) -> Array:
         """Height (...) of the surface at (..., 2) places, metres."""
-        xy = np.asarray(xy, float)
-        height = xy @ np.array(self.gradient)
+        xy = np.asarray(xy, np.float64)
+        height: Array = xy @ np.array(self.gradient, np.float64)
         for block in self.blocks:
             height = np.where(block.distance(xy) == 0, np.maximum(height, block.top), height)
         return height
@@ -70,8 +70,8 @@ class Terrain:
 
     def depth(self, origin: ArrayLike, rays: ArrayLike) -> Array:
         """Length (...) of rays (..., 3) from `origin` (3,) to the first surface, in units of the ray; inf without."""
-        origin, rays = np.asarray(origin, float), np.asarray(rays, float)
-        plane = np.array([-self.gradient[0], -self.gradient[1], 1.0])
+        origin, rays = np.asarray(origin, float), np.asarray(rays, np.float64)
+        plane = np.array([-self.gradient[0], -self.gradient[1], 1.0], np.float64)
         fall = -(rays @ plane)
         with np.errstate(divide="ignore"):
             nearest = np.where(fall > 0, (origin @ plane) / fall, np.inf)
