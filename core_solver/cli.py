@@ -30,6 +30,11 @@ if TYPE_CHECKING:
 DEBUG_VARIABLE = "SCENE_AWARE_MOCAP_DEBUG"
 
 _PROGRAM = "scene-aware-mocap"
+_PRESETS = {
+    "fast": "the default",
+    "exact": "every pixel counts from the beginning, and more iterations: slower",
+    "paper": "the method as it was published, for comparison",
+}
 _UNEXPECTED, _USER_ERROR, _INTERRUPTED = 1, 2, 130
 
 
@@ -145,7 +150,12 @@ def _add_common(parser: argparse.ArgumentParser, default: object) -> None:
 
 
 def _add_solve(commands: Commands) -> argparse.ArgumentParser:
-    parser = commands.add_parser("solve", help="solve a video: people, scene and camera into one take")
+    parser = commands.add_parser(
+        "solve",
+        help="solve a video: people, scene and camera into one take",
+        epilog="\n".join(["presets:", *(f"  {name:<6} {meaning}" for name, meaning in _PRESETS.items())]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("video", type=Path, metavar="VIDEO")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="TAKE.npz", help="where the take goes")
     lens = parser.add_mutually_exclusive_group()
@@ -173,7 +183,7 @@ def _add_solve(commands: Commands) -> argparse.ArgumentParser:
     parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     parser.add_argument("--resume", action="store_true", help="go on from what an earlier run has kept in TAKE.work")
     parser.add_argument("--body", type=Path, metavar="FILE", help="your own SMPL file (.npz or .pkl)")
-    parser.add_argument("--preset", choices=("fast", "exact", "paper"), default="fast")
+    parser.add_argument("--preset", choices=tuple(_PRESETS), default="fast", help="how to solve; see below")
     parser.set_defaults(
         run=solve, stopped="stopped: an older take is untouched; give the same command with --resume to go on"
     )

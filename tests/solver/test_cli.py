@@ -12,6 +12,8 @@ import core_solver
 from core_solver import cli
 from core_solver.console import BarProgress
 from core_solver.errors import VideoError
+from core_solver.optimise.presets import PRESETS
+from core_solver.pipeline import SolveOptions
 from core_solver.take import FORMAT, VERSION, write_take
 from tests.solver.preview.takes import CAMERA_HEIGHT, make_take, write_video
 
@@ -69,6 +71,7 @@ def assert_refused(result, *words) -> None:
         (("solve", "{video}", "-o", "t.npz", "--start", "inf"), ("--start",)),
         (("solve", "{video}", "-o", "t.npz", "--start", "3", "--end", "2"), ("--end 2", "--start 3")),
         (("solve", "{video}", "-o", "t.npz", "--device", "tpu"), ("tpu",)),
+        (("solve", "{video}", "-o", "t.npz", "--preset", "slow"), ("slow", "fast", "exact", "paper")),
         (("solve", "{video}", "-o", "t.npz", "--depth", "no.onnx"), ("no.onnx", "--depth")),
         (("solve", "{video}", "-o", "t.npz", "--body", "no.pkl"), ("no.pkl", "--body")),
         (("preview", "{take}", "missing.mp4", "-o", "{dir}"), ("missing.mp4",)),
@@ -90,6 +93,22 @@ def test_version_and_help(capsys):
             cli.main([flag])
         assert stop.value.code == 0
     assert core_solver.__version__ in capsys.readouterr().out
+
+
+def test_help_explains_each_preset_that_there_is_in_one_line(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["solve", "--help"])
+    _, _, listed = capsys.readouterr().out.partition("presets:\n")
+    explained = dict(line.split(maxsplit=1) for line in listed.splitlines())
+    assert list(explained) == list(PRESETS)
+    assert [name for name, meaning in explained.items() if "default" in meaning] == [SolveOptions.preset]
+
+
+@pytest.mark.parametrize("preset", sorted(PRESETS))
+def test_solve_passes_each_preset(monkeypatch, tmp_path, video_path, preset):
+    pipeline = FakePipeline(monkeypatch, make_take())
+    assert cli.main(["solve", str(video_path), "-o", str(tmp_path / "t.npz"), "--preset", preset]) == 0
+    assert pipeline.options.preset == preset
 
 
 def test_inspect_for_people(capsys, take_path):
