@@ -40,7 +40,12 @@ SHARED_DATA = {"perception.observations", "tracking.tracks"}
 # What a room may use besides its floor's rule.
 ONLY_NUMPY = {"take", "geometry", "errors", "progress"}
 TORCH_TWIN = "core_solver/geometry/torch_ops.py"
-MAY_PRINT = {"core_solver/cli.py", "core_solver/perception/models_cli.py", "core_solver/raster/benchmark.py", "build.py"}
+MAY_PRINT = {
+    "core_solver/cli.py",
+    "core_solver/perception/models_cli.py",
+    "core_solver/raster/benchmark.py",
+    "build.py",
+}
 RESTRICTED_UNPICKLER = "core_solver/body/smpl_file.py"
 ADDON_MAY_IMPORT = {"take", "geometry", "errors"}
 PICKLERS = {"pickle", "_pickle", "cPickle", "dill", "cloudpickle", "joblib", "marshal", "shelve"}
