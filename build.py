@@ -162,7 +162,7 @@ def main_environment() -> Path:
 
     def install(inner: Path) -> None:
         install_small_torch(inner)
-        pip_install(inner, "--constraint", str(CONSTRAINTS), "--editable", f"{ROOT}[blender,dev]")
+        pip_install(inner, "--constraint", str(CONSTRAINTS), "--editable", f"{ROOT}[blender,benchmarks,dev]")
 
     return make_environment(ROOT / ".venv", python, fingerprint("main", PYTHON), install)
 
