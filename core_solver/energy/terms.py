@@ -78,6 +78,16 @@ def height(log_heights: Tensor, mixture: Tensor) -> Tensor:
     return 2 * (peak - logs)
 
 
+def guard(change: Tensor, sigma: float | Tensor) -> Tensor:
+    """What was found from lasting facts stays near: frames that err alike must not outvote them; beyond the paper.
+
+    Args:
+        change: any shape.
+        sigma: deviations, in the units of the change.
+    """
+    return ((change / sigma) ** 2).sum()
+
+
 def speed(translations: Tensor, seconds: Tensor, sigma: float) -> Tensor:
     """Squared root speed between consecutive frames (paper E_speed).
 

@@ -44,7 +44,7 @@ class Weights:
         temporal: vertices move as their filtered selves.
         temporal_sigma: metres a second.
         tilt_sigma: radians by which the ground may still tilt about the first fit.
-        offset_sigma: log of the ratio by which its distance may still change.
+        guard_sigma: log of the ratio by which scales and the ground's distance may still change, frame by frame.
         focal_sigma: log of the ratio by which the focal length may be wrong; 0 where it is known.
         effective_samples: how many independent measurements a clip's frames amount to for errors that persist, such
             as those of a depth network: it balances them against priors that hold once for each person.
@@ -79,8 +79,8 @@ class Weights:
     slip_sigma: float = 0.1
     temporal: float = 1.0
     temporal_sigma: float = 0.4
-    tilt_sigma: float = math.radians(1.0)
-    offset_sigma: float = 0.02
+    tilt_sigma: float = math.radians(0.5)
+    guard_sigma: float = 0.01
     focal_sigma: float = 0.0
     effective_samples: float = 4.0
 

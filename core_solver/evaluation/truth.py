@@ -27,7 +27,7 @@ class Truth:
 
     Attributes:
         joints: (N, T, 24, 3).
-        soles: (N, T, 2, S, 3) the vertices `optimise.solve.sole_rows` chooses under the left and the right foot.
+        soles: (N, T, 2, S, 3) the vertices `optimise.posing.sole_rows` chooses under the left and the right foot.
         present: (N, T) the person is in the picture and not wholly hidden.
         contacts: (N, T, 2) the foot rests on the scene.
         heights: (N,) statures.

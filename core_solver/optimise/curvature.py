@@ -195,6 +195,7 @@ class _Assembly:
         height[_SCALE] = 1
         stature = given.height[1:] / (given.height[0] + given.height[1:] @ v.betas[n])
         height[_BETAS] = stature
+        corner[_SCALE, _SCALE] += len(v.theta[n]) / w.guard_sigma**2
         corner += w.height * self._height_curvature() * torch.outer(height, height)
         corner[_BETAS, _BETAS] += w.betas * len(v.theta[n]) / w.stature_sigma**2 * torch.outer(stature, stature)
 

@@ -52,6 +52,7 @@ class Given:
         centre: (2,) pixels.
         up: (3, 3) rows: the first ground's normal and two axes on the ground.
         offset: () metres from the camera to the first ground.
+        log_scale: (N,) the first scales.
     """
 
     pixels: Tensor
@@ -68,6 +69,7 @@ class Given:
     centre: Tensor
     up: Tensor
     offset: Tensor
+    log_scale: Tensor
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,7 @@ class JointEnergy:
             * terms.joints(self.project(v, keypoints), g.pixels[one], g.confidence[one], g.size[one], w.joints_sigma),
             "smpl": w.smpl * terms.smpl(v.theta[one], g.theta_hat[one], g.theta_trust[one], w.theta_sigma),
             "betas": w.betas * v.theta.shape[1] * self._shape(v, one),
+            "guard": terms.guard(v.log_scale[one] - g.log_scale[one], w.guard_sigma) * v.theta.shape[1],
             "height": w.height * terms.height(self.log_heights(v)[one], v.betas.new_tensor(w.statures())).sum(),
         }
         if len(g.seconds):
@@ -150,7 +153,8 @@ class JointEnergy:
     def shared(self, v: Variables) -> Tensor:
         """Terms of the scene alone: the depth range's ties over time, the ground's and the focal length's priors."""
         w = self.weights
-        ground = ((v.ground / v.ground.new_tensor([w.tilt_sigma, w.tilt_sigma, w.offset_sigma])) ** 2).sum()
+        ground = terms.guard(v.ground, v.ground.new_tensor([w.tilt_sigma, w.tilt_sigma, w.guard_sigma]))
+        ground = ground * v.theta.shape[0] * v.theta.shape[1]
         focal = (v.log_focal / w.focal_sigma) ** 2 if w.focal_sigma > 0 else v.log_focal * 0
         ties = torch.stack([v.log_inverse_far, v.log_inverse_gap], -1) - v.log_range
         jitter = charbonnier((ties / DEPTH_RANGE_SIGMA) ** 2).sum() * self.given.per_clip.mean()
@@ -292,6 +296,7 @@ def given_evidence(
         centre=tensor(np.array([camera.cx, camera.cy])),
         up=tensor(_axes(ground.up)),
         offset=tensor(np.array(ground.offset)),
+        log_scale=tensor(np.log(ground.scales)),
     )
 
 

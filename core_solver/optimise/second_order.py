@@ -141,10 +141,10 @@ def _numbers(values: Tensor) -> Array:
 
 
 def _shared_curvature(energy: JointEnergy) -> Array:
-    w = energy.weights
+    w, count = energy.weights, energy.given.valid.numel()
     # A known focal length stays where it is.
     focal = w.focal_sigma**-2 if w.focal_sigma > 0 else 1.0
-    return np.array([w.tilt_sigma**-2, w.tilt_sigma**-2, w.offset_sigma**-2, focal])
+    return np.array([count / w.tilt_sigma**2, count / w.tilt_sigma**2, count / w.guard_sigma**2, focal])
 
 
 def _moved(v: Variables, step: Step) -> Variables:

@@ -1,6 +1,7 @@
 """Modalities in, solution out: pose fit, scale and ground, stage I, stage II."""
 
-import math
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -8,39 +9,31 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from core_solver.body.model import BodyModel
-from core_solver.body.skeleton import JOINT_NAMES, joint_index, keypoint_index
+from core_solver.body.skeleton import JOINT_NAMES, keypoint_index
 from core_solver.camera import Camera
-from core_solver.energy.weights import Weights
 from core_solver.geometry import GroundFrame
 from core_solver.optimise import pose_fit
-from core_solver.optimise.evidence import Evidence, gather_evidence
+from core_solver.optimise.evidence import gather_evidence
 from core_solver.optimise.joint_energy import JointEnergy, given_evidence
-from core_solver.optimise.looking import Onlooker, foot_heights, lowest_soles
+from core_solver.optimise.looking import Look, Onlooker, foot_heights, lowest_soles
 from core_solver.optimise.one_euro import one_euro_zero_phase
 from core_solver.optimise.paper import PaperPreset, solve_paper
 from core_solver.optimise.pose_fit import PoseFit, fit_poses
-from core_solver.optimise.posing import TorchBody, pose, sole_rows, torch_body
-from core_solver.optimise.presets import AnyPreset
-from core_solver.optimise.scale_ground import ScaleGround, ScaleProblem, fit_scale_ground
-from core_solver.optimise.second_order import minimise
+from core_solver.optimise.posing import pose, torch_body
+from core_solver.optimise.presets import AnyPreset, Preset
+from core_solver.optimise.scale_ground import ScaleGround
+from core_solver.optimise.second_order import Schedule, minimise
+from core_solver.optimise.sizes import Clip, estimate_sizes
 from core_solver.optimise.solution import Solution
 from core_solver.optimise.threads import single_thread
-from core_solver.optimise.variables import Variables, pose_points, start_variables
+from core_solver.optimise.variables import Variables, start_variables
 from core_solver.progress import Progress
 from core_solver.scene.aggregate import median_depth
 from core_solver.scene.contacts import contact_probability, still_feet
-from core_solver.scene.sampling import sample_bodies, sample_floor
-from core_solver.scene.support import Support, build_support
+from core_solver.scene.support import build_support
 from core_solver.tracking.tracks import Modalities
 
 Array = NDArray[np.float64]
-
-# Share of the body's mass near each joint, after the usual segment tables.
-_MASS = {
-    "pelvis": 0.12, "left_hip": 0.05, "right_hip": 0.05, "spine1": 0.10, "spine2": 0.10, "spine3": 0.18, "head": 0.08,
-    "left_knee": 0.07, "right_knee": 0.07, "left_ankle": 0.03, "right_ankle": 0.03, "left_shoulder": 0.02,
-    "right_shoulder": 0.02, "left_elbow": 0.02, "right_elbow": 0.02, "left_wrist": 0.02, "right_wrist": 0.02,
-}  # fmt: skip
 
 _DRAFT_FRAMES = 48  # of the depth map that carries feet
 
@@ -69,45 +62,70 @@ def solve(
     """
     if isinstance(preset, PaperPreset):
         return solve_paper(modalities, camera, body, progress, preset, device)
-    evidence = gather_evidence(modalities, camera)
-    solver_body = torch_body(body, torch.device(device))
+    clip = _read_clip(modalities, camera, body, device)
     with progress.stage("Fit poses", pose_fit.ITERATIONS) as advance:
         smooth = preset.weights.temporal > 0
-        fit = fit_poses(evidence, body, solver_body, camera, advance, smooth=smooth)
-    still = still_feet(evidence.pixels, evidence.confidence, evidence.size, evidence.times)
-    ground = _first_scales(fit, evidence, still, modalities, camera, body, solver_body, preset.weights)
-    given = given_evidence(evidence, fit, ground, camera, body, solver_body, preset.weights)
-    energy = JointEnergy(given, solver_body, preset.weights)
-    onlooker = Onlooker(modalities, camera, evidence, still, ground.levels)
-    variables = start_variables(fit, ground, solver_body)
-
-    def look(v: Variables) -> None:
-        onlooker.look(energy, v, preset.look)
-
-    def look_last(v: Variables) -> None:
-        onlooker.look(energy, v, preset.last_look)
-
-    energy.look(filtered=_filtered_keypoints(energy, variables, evidence.times))
+        fit = fit_poses(clip.evidence, body, clip.solver_body, camera, advance, smooth=smooth)
     with progress.stage("Solve scale and depth", preset.stage_one.iterations) as advance:
-        variables = minimise(energy, variables, preset.stage_one, look, advance)
-    energy.look(filtered=_filtered_keypoints(energy, variables, evidence.times))
-    onlooker.stand_on(_support(modalities, camera, energy, variables, still * evidence.valid[..., None]))
+        problem = _Problem(clip, fit, estimate_sizes(clip, fit, preset.weights), preset)
+        variables = problem.minimise(start_variables(fit, problem.ground, clip.solver_body), preset.stage_one, advance)
     with progress.stage("Solve space and time", preset.stage_two.iterations) as advance:
-        variables = minimise(energy, variables, preset.stage_two, look, advance)
+        # Sizes rest on few, lasting facts and are found again from better poses: thousands of frames in chorus would
+        # talk the ground into any tilt.
+        shaped = _as_fit(variables)
+        problem = _Problem(clip, fit, estimate_sizes(clip, shaped, preset.weights), preset)
+        variables = start_variables(shaped, problem.ground, clip.solver_body)
+        problem.stand_on_scene(variables)
+        variables = problem.minimise(variables, preset.stage_two, advance)
     with progress.stage("Solve to the last pixel", preset.last_iterations.iterations) as advance:
-        variables = minimise(energy, variables, preset.last_iterations, look_last, advance)
-    return _solution(variables, energy, evidence, still, ground, onlooker)
+        variables = problem.minimise(variables, preset.last_iterations, advance, preset.last_look)
+    return _solution(problem, variables)
 
 
-def _support(modalities: Modalities, camera: Camera, energy: JointEnergy, v: Variables, rests: Array) -> Support | None:
-    """The scene's surface, as far as the feet that rest agree with it; None without a depth map."""
-    if modalities.disparity is None:
-        return None
-    far, gap = (torch.exp(x).cpu().double().numpy() for x in (v.log_inverse_far, v.log_inverse_gap))
-    depth = median_depth(modalities, far, gap, _DRAFT_FRAMES)
+def _read_clip(modalities: Modalities, camera: Camera, body: BodyModel, device: str) -> Clip:
+    evidence = gather_evidence(modalities, camera)
+    still = still_feet(evidence.pixels, evidence.confidence, evidence.size, evidence.times)
+    return Clip(modalities, camera, body, torch_body(body, torch.device(device)), evidence, still)
+
+
+class _Problem:
+    """One energy with what renews it."""
+
+    def __init__(self, clip: Clip, fit: PoseFit, ground: ScaleGround, preset: Preset) -> None:
+        self.clip, self.ground = clip, ground
+        self._preset = preset
+        given = given_evidence(clip.evidence, fit, ground, clip.camera, clip.body, clip.solver_body, preset.weights)
+        self.energy = JointEnergy(given, clip.solver_body, preset.weights)
+        self.onlooker = Onlooker(clip.modalities, clip.camera, clip.evidence, clip.still, ground.levels)
+
+    def minimise(
+        self, v: Variables, schedule: Schedule, advance: Callable[[int], None], look: Look | None = None
+    ) -> Variables:
+        """Lower the energy; velocities follow the filtered ones of where it starts."""
+        self.energy.look(filtered=_filtered_keypoints(self.energy, v, self.clip.evidence.times))
+        closely = look or self._preset.look
+        return minimise(self.energy, v, schedule, lambda now: self.onlooker.look(self.energy, now, closely), advance)
+
+    def stand_on_scene(self, v: Variables) -> None:
+        """Let feet stand on the scene's surface, as far as those that rest agree with it."""
+        clip, energy = self.clip, self.energy
+        if clip.modalities.disparity is None:
+            return
+        far, gap = (torch.exp(x).cpu().double().numpy() for x in (v.log_inverse_far, v.log_inverse_gap))
+        depth = median_depth(clip.modalities, far, gap, _DRAFT_FRAMES)
+        support = build_support(depth, clip.camera, ground_frame(energy, v))
+        rests = clip.still * clip.evidence.valid[..., None]
+        self.onlooker.stand_on(support.calibrated(lowest_soles(energy, v), rests))
+
+
+def ground_frame(energy: JointEnergy, v: Variables) -> GroundFrame:
+    """The common ground as it now stands."""
     up = energy.up(v).cpu().double().numpy()
-    ground = GroundFrame(-up, up, float(energy.given.offset * torch.exp(v.ground[2])))
-    return build_support(depth, camera, ground).calibrated(lowest_soles(energy, v), rests)
+    return GroundFrame(-up, up, float(energy.given.offset * torch.exp(v.ground[2])))
+
+
+def _as_fit(v: Variables) -> PoseFit:
+    return PoseFit(*(values.cpu().double().numpy() for values in (v.theta, v.translation, v.betas)))
 
 
 def _filtered_keypoints(energy: JointEnergy, v: Variables, times: Array) -> Tensor:
@@ -118,82 +136,26 @@ def _filtered_keypoints(energy: JointEnergy, v: Variables, times: Array) -> Tens
     return torch.as_tensor(filtered, dtype=points.dtype, device=points.device)
 
 
-def _first_scales(
-    fit: PoseFit, evidence: Evidence, still: Array, modalities: Modalities, camera: Camera, body: BodyModel,
-    solver_body: TorchBody, weights: Weights,
-) -> ScaleGround:  # fmt: skip
-    unit = ScaleGround(np.ones(len(fit.betas)), np.array([0.0, -1.0, 0.0]), 1.6, np.zeros(len(fit.betas)), 0.05, 0.5)
-    with torch.no_grad():
-        points = pose_points(start_variables(fit, unit, solver_body), solver_body)
-    proxy = points.proxy.cpu().double().numpy()
-    joints = points.joints.cpu().double().numpy()
-    soles = proxy[:, :, sole_rows(body)].mean(axis=3)
-    planted = still * evidence.valid[..., None]
-    depth = sample_bodies(proxy, evidence.valid, modalities, camera)
-    visible = np.maximum(depth.visible.sum(axis=-1), 1)
-    log_depth = (depth.visible * np.log(np.maximum(proxy[..., 2], 0.05))).sum(axis=-1) / visible
-    feet = camera.project(np.maximum(soles, (-np.inf, -np.inf, 0.05)))
-    return fit_scale_ground(
-        ScaleProblem(
-            soles=soles,
-            planted=planted,
-            balance=_balance(joints, soles, planted),
-            heights=np.array([body.height(b) for b in fit.betas]),
-            log_depth=log_depth,
-            body_depth=depth,
-            floor=sample_floor(feet, planted, evidence.size, modalities, camera),
-        ),
-        weights,
-    )
-
-
-def _balance(joints: Array, soles: Array, planted: Array) -> Array:
-    """Time-averaged direction from support to centre of mass: over a while nobody leans against nothing."""
-    mass = np.array([_MASS.get(name, 0.0) for name in JOINT_NAMES])
-    centre = np.einsum("ntjc,j->ntc", joints, mass / mass.sum())
-    directions = np.zeros((len(joints), 3))
-    for n in range(len(joints)):
-        lean = np.median(joints[n, :, joint_index("neck")] - soles[n].mean(axis=1), axis=0)
-        up = lean / max(float(np.linalg.norm(lean)), 1e-9)
-        # Of two still feet the lower one carries: a raised leg can be as still as a standing one.
-        lower = soles[n] @ up
-        carries = planted[n] * (lower < lower.min(axis=-1, keepdims=True) + 0.05)
-        total = carries.sum(axis=0)
-        if total.sum() < 1:
-            continue
-        # Over one foot a walker leans inwards: feet that both carry count alike, however often each was seen to.
-        share = np.where(total > 0.15 * total.sum(), 1 / np.maximum(total, 1e-9), 0.0)
-        mean = np.einsum("tf,tfc,f->c", carries, centre[n][:, None] - soles[n], share)
-        directions[n] = mean / max(float(np.linalg.norm(mean)), 1e-9)
-    return directions
-
-
-def _solution(
-    variables: Variables,
-    energy: JointEnergy,
-    evidence: Evidence,
-    still: Array,
-    ground: ScaleGround,
-    onlooker: Onlooker,
-) -> Solution:
+def _solution(problem: _Problem, variables: Variables) -> Solution:
+    clip, energy = problem.clip, problem.energy
     heights, distance = foot_heights(energy, variables)
-    heights = heights - onlooker.support(energy, variables)
-    contacts = contact_probability(heights, still, distance)
-    settled = heights[(contacts > 0.5) & evidence.valid[..., None]]
+    heights = heights - problem.onlooker.support(energy, variables)
+    contacts = contact_probability(heights, clip.still, distance)
+    settled = heights[(contacts > 0.5) & clip.evidence.valid[..., None]]
+    ground = ground_frame(energy, variables)
     # The plane takes its final height from the soles that stand on it.
-    offset = ground.offset * math.exp(float(variables.ground[2])) - (float(np.median(settled)) if len(settled) else 0.0)
-    up = energy.up(variables).cpu().double().numpy()
+    offset = ground.offset - (float(np.median(settled)) if len(settled) else 0.0)
     scales = torch.exp(variables.log_scale).cpu().double().numpy()
     return Solution(
         theta=variables.theta.cpu().double().numpy(),
         gamma=scales[:, None, None] * variables.translation.cpu().double().numpy(),
         betas=variables.betas.cpu().double().numpy(),
         scales=scales,
-        confidence=_joint_confidence(evidence.confidence),
+        confidence=_joint_confidence(clip.evidence.confidence),
         contacts=contacts,
         inverse_far=np.exp(variables.log_inverse_far.cpu().double().numpy()),
         inverse_gap=np.exp(variables.log_inverse_gap.cpu().double().numpy()),
-        ground=GroundFrame(-up, up, offset),
+        ground=replace(ground, offset=offset),
     )
 
 

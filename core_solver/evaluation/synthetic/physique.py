@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from core_solver.body.model import BodyModel
 from core_solver.body.skeleton import joint_index
-from core_solver.optimise.solve import sole_rows
+from core_solver.optimise.posing import sole_rows
 
 Array = NDArray[np.float64]
 

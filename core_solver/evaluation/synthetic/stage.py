@@ -19,7 +19,7 @@ from core_solver.evaluation.synthetic.spoil_pictures import spoil_frames
 from core_solver.evaluation.synthetic.spoil_tracks import spoil_tracks
 from core_solver.evaluation.synthetic.world import SeenTerrain, Terrain, View
 from core_solver.evaluation.truth import SyntheticScene, Truth
-from core_solver.optimise.solve import sole_rows
+from core_solver.optimise.posing import sole_rows
 from core_solver.tracking.tracks import BACKGROUND, UNCLAIMED, Modalities, Track
 
 Array = NDArray[np.float64]

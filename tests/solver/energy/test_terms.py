@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from core_solver.energy import terms
 from core_solver.energy.terms import CONTACT_RANGE_M
+from core_solver.energy.weights import Weights
 
 PEOPLE, FRAMES = 2, 4
 # 2 (sqrt(1 + r^2) - 1) at r = 1: what a robust term costs one deviation from the truth.
@@ -44,12 +45,16 @@ SCENE_LOG_DEPTH = normal(PEOPLE, FRAMES, seed=4)
 PROBABILITY = torch.rand(PEOPLE, FRAMES, 2, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
 REACH = torch.full((PEOPLE, FRAMES), CONTACT_RANGE_M, dtype=torch.float64)
 FILTERED = normal(PEOPLE, FRAMES, 5, 3, seed=5)
+EDGES, SHARES = 100 * normal(PEOPLE, FRAMES, 8, seed=7), torch.full((PEOPLE, FRAMES, 8), 0.1, dtype=torch.float64)
+ADULTS = torch.tensor([[1.0, LOG_MEAN, 0.06]], dtype=torch.float64)
+EVERYBODY = torch.tensor(Weights().statures(), dtype=torch.float64)
 
 TERMS = {
     "joints": (lambda x: terms.joints(x, JOINTS_AT, CONFIDENCE, SIZES, 0.02), JOINTS_AT),
     "smpl": (lambda x: terms.smpl(x, THETA_HAT, WEIGHT, 0.15), THETA_HAT),
     "shape": (lambda x: terms.shape(x, BETAS_HAT), BETAS_HAT),
-    "height": (lambda x: terms.height(x, LOG_MEAN, 0.07, 0.12), torch.full((PEOPLE,), LOG_MEAN, dtype=torch.float64)),
+    "guard": (lambda x: terms.guard(x, 0.01), torch.zeros(PEOPLE, dtype=torch.float64)),
+    "stature": (lambda x: terms.stature(x, 0.01), torch.zeros(PEOPLE, dtype=torch.float64)),
     "speed": (lambda x: terms.speed(x, uneven_seconds(), 1.0), normal(PEOPLE, 1, 3).expand(-1, FRAMES, -1)),
     "acceleration": (
         lambda x: terms.acceleration(x, uneven_seconds(), 4.0),
@@ -69,6 +74,8 @@ TERMS = {
         normal(PEOPLE, 1, 2, 6, 3).expand(-1, FRAMES, -1, -1, -1),
     ),
     "temporal": (lambda x: terms.temporal(x, FILTERED, uneven_seconds(), 0.4), FILTERED + 0.3),
+    "silhouette": (lambda x: terms.silhouette(x, EDGES, SHARES, 0.02 * SIZES), EDGES),
+    "collision": (lambda x: terms.collision(x, 0.05), torch.zeros(PEOPLE, FRAMES, 6, dtype=torch.float64)),
 }
 
 
@@ -89,10 +96,12 @@ def test_positive_and_true_gradient_away_from_the_truth(name):
     assert torch.autograd.gradcheck(energy, (away,), eps=1e-7, rtol=1e-4)
 
 
-@pytest.mark.parametrize("name", ["joints", "smpl", "shape", "height", "acceleration", "depth", "slip"])
+@pytest.mark.parametrize(
+    "name", ["joints", "smpl", "shape", "acceleration", "depth", "slip", "silhouette", "collision"]
+)
 def test_an_outlier_pulls_hardly_more_than_what_is_a_few_deviations_off(name):
     energy, truth = TERMS[name]
-    direction = (10 if name == "joints" else 1) * normal(*truth.shape, seed=10)  # pixels and radians
+    direction = (10 if name in ("joints", "silhouette") else 1) * normal(*truth.shape, seed=10)  # pixels and radians
     near = pull(energy, truth + direction).abs().max().item()
     assert pull(energy, truth + 1e4 * direction).abs().max().item() <= 1.5 * near
 
@@ -135,16 +144,87 @@ def test_shape_by_hand():
     assert terms.shape(betas, torch.zeros_like(betas)).item() == pytest.approx(ONE_DEVIATION + 2)
 
 
-@given(st.floats(1.01, 3))
+def test_stature_by_hand():
+    assert terms.stature(torch.tensor([0.02, -0.01]), 0.01).item() == pytest.approx(4 + 1)
+
+
+def test_guard_by_hand():
+    assert terms.guard(torch.tensor([0.02, -0.01]), 0.01).item() == pytest.approx(4 + 1)
+    assert terms.guard(torch.tensor([0.02, -0.01]), torch.tensor([0.02, 0.01])).item() == pytest.approx(1 + 1)
+
+
+def height(metres: float, mixture: torch.Tensor = EVERYBODY) -> float:
+    return terms.height(torch.tensor([math.log(metres)], dtype=torch.float64), mixture).item()
+
+
+def test_height_by_hand_of_adults_alone():
+    """One kind of people is a normal distribution: deviations squared."""
+    log_heights = torch.tensor([LOG_MEAN, LOG_MEAN + 0.06, LOG_MEAN - 0.12], dtype=torch.float64)
+    np.testing.assert_allclose(terms.height(log_heights, ADULTS), [0, 1, 4], atol=1e-12)
+
+
+@given(st.floats(0.5, 3))
+def test_height_by_hand_of_a_mixture(metres):
+    weights = Weights()
+    density = [
+        share / sigma * math.exp(-0.5 * ((math.log(at) - mean) / sigma) ** 2)
+        for at in (metres, weights.height_mean_m)
+        for share, mean, sigma in weights.statures()
+    ]
+    expected = -2 * math.log((density[0] + density[1]) / (density[2] + density[3]))
+    assert height(metres) == pytest.approx(expected, abs=1e-9)
+
+
+def test_an_average_adult_is_the_likeliest_person():
+    metres = np.linspace(0.8, 2.2, 1401)
+    costs = [height(x) for x in metres]
+    assert metres[np.argmin(costs)] == pytest.approx(Weights().height_mean_m, abs=0.005)
+    assert height(Weights().height_mean_m) == pytest.approx(0, abs=1e-12)
+
+
+@given(st.floats(1.05, 3))
 def test_a_child_is_believed_sooner_than_a_giant(factor):
-    tall = terms.height(torch.tensor([math.log(1.65 * factor)], dtype=torch.float64), LOG_MEAN, 0.07, 0.12)
-    small = terms.height(torch.tensor([math.log(1.65 / factor)], dtype=torch.float64), LOG_MEAN, 0.07, 0.12)
-    assert tall.item() > small.item() > 0
+    assert height(1.65 * factor) > height(1.65 / factor) > -0.01
 
 
-def test_height_by_hand():
-    log_heights = torch.tensor([LOG_MEAN + 0.07, LOG_MEAN - 0.12], dtype=torch.float64)
-    assert terms.height(log_heights, LOG_MEAN, 0.07, 0.12).item() == pytest.approx(2 * ONE_DEVIATION)
+def test_giants_cost_with_the_square_and_children_little():
+    assert height(2.2) > 12
+    assert height(1.2) < 5
+    assert height(1.0) < 7
+
+
+def test_the_share_of_children_is_what_makes_them_likely():
+    few = torch.tensor(Weights(child_share=0.02).statures(), dtype=torch.float64)
+    assert height(1.2, few) - height(1.2) == pytest.approx(2 * math.log(0.25 / 0.02 * 0.98 / 0.75), abs=0.15)
+
+
+@pytest.mark.parametrize("metres", [1e-6, 0.01, 0.3, 4.0, 100.0, 1e6])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_absurd_statures_are_finite_and_are_drawn_home(metres, dtype):
+    log_height = torch.tensor([math.log(metres)], dtype=dtype)
+    assert torch.isfinite(terms.height(log_height, EVERYBODY.to(dtype))).all()
+    slope = pull(lambda x: terms.height(x, EVERYBODY.to(dtype)).sum(), log_height).item()
+    assert math.isfinite(slope)
+    assert math.copysign(1, slope) == (1 if metres > 1.65 else -1)
+
+
+def test_the_price_of_height_has_no_step():
+    """Where the mixture's densities vanish, its widest part's logarithm goes on."""
+    logs = torch.linspace(math.log(0.05), math.log(30), 20001, dtype=torch.float64)
+    steps = terms.height(logs, EVERYBODY).diff().abs()
+    assert steps.max().item() < 0.5
+
+
+def test_heights_gradient():
+    log_heights = torch.log(torch.tensor([0.2, 0.9, 1.2, 1.45, 1.65, 1.8, 2.5], dtype=torch.float64)).requires_grad_()
+    assert torch.autograd.gradcheck(lambda x: terms.height(x, EVERYBODY), (log_heights,), eps=1e-7, rtol=1e-4)
+
+
+def test_everybody_is_judged_alone():
+    log_heights = torch.log(torch.tensor([1.1, 1.7], dtype=torch.float64))
+    both = terms.height(log_heights, EVERYBODY)
+    assert both.shape == (2,)
+    assert both[0].item() == pytest.approx(height(1.1))
 
 
 def test_speed_by_hand_uses_the_time_between_frames():
@@ -265,8 +345,9 @@ def test_batches_that_share_a_frame_add_up_to_the_whole(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["joints", "smpl", "shape", "height", "depth", "speed", "acceleration", "slip", "temporal"]
-)
+    "name", ["joints", "smpl", "shape", "stature", "depth", "speed", "acceleration", "slip", "temporal", "silhouette",
+             "collision"],
+)  # fmt: skip
 def test_people_do_not_touch_each_other(name):
     energy, truth = TERMS[name]
     away = truth.clone()
@@ -292,3 +373,40 @@ def test_penetration_lifts_a_sunken_sole_and_lets_go_where_the_ground_must_be_wr
     assert gradient[0, 0, 1] == 0
     far = pull(lambda x: terms.penetration(x, weight, reach), heights * 50)
     assert abs(far[0, 0, 0]) < 0.01 * abs(gradient[0, 0, 0])
+
+
+def test_silhouette_by_hand():
+    # Half of the outline stands one deviation of 2 % of 200 pixels off, the other half where it should.
+    along = torch.tensor([[[104.0, 50.0]]], dtype=torch.float64)
+    target = torch.tensor([[[100.0, 50.0]]], dtype=torch.float64)
+    half = torch.full((1, 1, 2), 0.5, dtype=torch.float64)
+    sigma = torch.tensor([[4.0]], dtype=torch.float64)
+    assert terms.silhouette(along, target, half, sigma).item() == pytest.approx(0.5 * ONE_DEVIATION)
+
+
+def test_an_outline_without_evidence_is_not_drawn():
+    shares = SHARES.clone()
+    shares[0, 1, 3] = 0
+    gradient = pull(lambda x: terms.silhouette(x, EDGES, shares, 0.02 * SIZES), EDGES + 3)
+    assert gradient[0, 1, 3] == 0
+    assert (gradient[shares > 0] > 0).all()
+
+
+def test_outlines_of_far_and_near_people_cost_alike():
+    far = terms.silhouette(EDGES + 1, EDGES, SHARES, torch.full((PEOPLE, FRAMES), 2.0))
+    near = terms.silhouette(EDGES + 10, EDGES, SHARES, torch.full((PEOPLE, FRAMES), 20.0))
+    assert far.item() == pytest.approx(near.item())
+
+
+def test_collision_by_hand():
+    # Apart costs nothing; one deviation deep a half, two deviations four fifths, far deeper hardly more than one.
+    overlap = torch.tensor([[[-1.0, 0.05, 0.10, 50.0]]], dtype=torch.float64)
+    assert terms.collision(overlap, 0.05).item() == pytest.approx(0.5 + 0.8 + 1, abs=1e-5)
+
+
+def test_collision_pulls_gently_and_only_what_overlaps():
+    overlap = torch.tensor([[[-0.1, 0.0, 0.02, 5.0]]], dtype=torch.float64)
+    gradient = pull(lambda x: terms.collision(x, 0.05), overlap)[0, 0]
+    assert gradient[0] == gradient[1] == 0
+    assert gradient[2] > 0
+    assert 0 < gradient[3] < 1e-3 * gradient[2]

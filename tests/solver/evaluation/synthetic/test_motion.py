@@ -9,7 +9,7 @@ from core_solver.evaluation.synthetic.perform import Performance, perform
 from core_solver.evaluation.synthetic.physique import Physique, draw_physique, physique
 from core_solver.evaluation.synthetic.world import Block, Terrain
 from core_solver.geometry import rotvec_from_matrix
-from core_solver.optimise.solve import sole_rows
+from core_solver.optimise.posing import sole_rows
 
 RATE = 30
 STEPS = (
