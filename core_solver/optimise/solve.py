@@ -70,11 +70,6 @@ def solve(
         problem = _Problem(clip, fit, estimate_sizes(clip, fit, preset.weights), preset)
         variables = problem.minimise(start_variables(fit, problem.ground, clip.solver_body), preset.stage_one, advance)
     with progress.stage("Solve space and time", preset.stage_two.iterations) as advance:
-        # Sizes rest on few, lasting facts and are found again from better poses: thousands of frames in chorus would
-        # talk the ground into any tilt.
-        shaped = _as_fit(variables)
-        problem = _Problem(clip, fit, estimate_sizes(clip, shaped, preset.weights), preset)
-        variables = start_variables(shaped, problem.ground, clip.solver_body)
         problem.stand_on_scene(variables)
         variables = problem.minimise(variables, preset.stage_two, advance)
     with progress.stage("Solve to the last pixel", preset.last_iterations.iterations) as advance:
