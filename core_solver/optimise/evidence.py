@@ -41,11 +41,11 @@ def gather_evidence(modalities: Modalities, camera: Camera) -> Evidence:
     """Stack the tracks, undistort their pixels and turn their landmarks into the camera's axes."""
     tracks = modalities.tracks
     pixels = camera.undistort(np.stack([t.keypoints for t in tracks]).astype(float))
-    confidence = np.stack([t.confidence for t in tracks]).astype(float)
+    confidence = _finite(np.stack([t.confidence for t in tracks]))
     valid = np.stack([t.valid for t in tracks])
     confidence = np.where(valid[..., None] & np.isfinite(pixels).all(-1), np.clip(confidence, 0, 1), 0)
     pixels = _fill_missing(pixels)
-    landmarks = np.nan_to_num(np.stack([t.landmarks for t in tracks]).astype(float))
+    landmarks = _finite(np.stack([t.landmarks for t in tracks]))
     return Evidence(
         seconds=np.diff(modalities.times),
         times=modalities.times,
@@ -55,6 +55,11 @@ def gather_evidence(modalities: Modalities, camera: Camera) -> Evidence:
         landmarks=turn_to_camera(landmarks, pixels, camera),
         size=_person_sizes(pixels, confidence, valid),
     )
+
+
+def _finite(values: NDArray) -> Array:
+    """Zero for what is no number."""
+    return np.nan_to_num(values.astype(float), nan=0.0, posinf=0.0, neginf=0.0)
 
 
 def _fill_missing(pixels: Array) -> Array:

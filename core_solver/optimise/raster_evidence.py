@@ -132,7 +132,10 @@ def _scene_means(
     for n, label in enumerate(ids):
         drawn = depth_buffer(surfaces[:, n], faces, grids.pinhole)[1] >= 0
         frame, row, column = np.nonzero(drawn & (labels == label) & (visible[:, n] > 0))
-        near = gap[frame] * disparity[frame, row, column]
+        below = disparity[frame, row, column]
+        known = np.isfinite(below)
+        frame, below = frame[known], below[known]
+        near = gap[frame] * below
         inverse = far[frame] + near
         pixels = np.bincount(frame, minlength=count)
         for field, values in enumerate((-np.log(inverse), -far[frame] / inverse, -near / inverse)):

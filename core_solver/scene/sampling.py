@@ -58,7 +58,8 @@ def sample_bodies(points: Array, valid: NDArray[np.bool_], modalities: Modalitie
             visible[n, rows] = shown
             if modalities.disparity is not None:
                 values = sample_frames(modalities.disparity, rows[:, None], pixels, camera, outside=0)
-                disparity[n, rows] = np.where(shown, values, 0)
+                visible[n, rows] &= np.isfinite(values)
+                disparity[n, rows] = np.where(visible[n, rows], values, 0)
     total = visible.sum(axis=-1)
     mean = disparity.sum(axis=-1, dtype=float) / np.maximum(total, 1)
     return BodyDepth(visible, disparity, mean, np.minimum(1.0, 4 * total / count))
@@ -148,9 +149,10 @@ def sample_floor(
         # To both sides of the foot and below it: a tenth of the person's size away lies floor, not leg.
         steps = size[n, t] * np.array([(-0.12, 0.0), (0.12, 0.0), (-0.08, 0.06), (0.08, 0.06)])
         around = feet[n, t, side] + steps
-        bare = sample_grid(modalities.labels[t], around, camera, outside=255) == BACKGROUND
+        below = sample_grid(disparity[t], around, camera, outside=0)
+        bare = (sample_grid(modalities.labels[t], around, camera, outside=255) == BACKGROUND) & np.isfinite(below)
         pixels.append(around[bare])
-        values.append(sample_grid(disparity[t], around[bare], camera, outside=0))
+        values.append(below[bare])
         frames.append(np.full(bare.sum(), t))
     if not pixels:
         return nothing
