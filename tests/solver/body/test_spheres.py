@@ -196,7 +196,7 @@ def test_two_bodies_in_one_place_are_pushed_apart(problem):
     for _ in range(150):
         leaves = v.leaves()
         energy = seen(problem, v)
-        sum(energy.person(leaves, n) for n in range(2)).backward()
+        torch.stack([energy.person(leaves, n) for n in range(2)]).sum().backward()
         v = replace(v, translation=v.translation - 0.002 * leaves.translation.grad)
     assert (v.translation[1] - v.translation[0])[:, 0].min() > 0.1
 
@@ -254,6 +254,7 @@ def test_single_precision_far_away_keeps_its_digits(problem):
     v = posed(problem, theta, [[-0.1, 0, 40], [0.15, 0, 40.1]])
     exact = seen(problem, v)
     spheres = exact.motion.spheres
+    assert spheres is not None
     others = torch.cdist(spheres[:1], spheres[1:])
     rounded = torch.cdist(spheres[:1].float(), spheres[1:].float())
     assert (rounded - others).abs().max().item() < 5e-3

@@ -11,6 +11,7 @@ from core_solver.energy.weights import Weights
 from core_solver.optimise.evidence import gather_evidence
 from core_solver.optimise.joint_energy import JointEnergy, given_evidence
 from core_solver.optimise.looking import Look, Onlooker
+from core_solver.optimise.picture_terms import PictureTerms
 from core_solver.optimise.pose_fit import PoseFit
 from core_solver.optimise.posing import pose, torch_body
 from core_solver.optimise.scale_ground import ScaleGround
@@ -51,6 +52,12 @@ class Problem:
         v = v or self.variables
         self.onlooker.look(self.energy, v, closely)
         self.energy.look(filtered=unit_keypoints(v, self.energy))
+
+    @property
+    def picture(self) -> PictureTerms:
+        """What the last look saw."""
+        assert self.energy.motion.picture is not None
+        return self.energy.motion.picture
 
     def changed(self, **changes: torch.Tensor) -> Variables:
         return replace(self.variables, **changes)

@@ -58,15 +58,15 @@ def by_scipy(problem: Problem, v: Variables) -> float:
     return float(minimize(value, start, jac=True, method="BFGS", options={"gtol": 1e-9, "maxiter": 2000}).fun)
 
 
-@pytest.mark.parametrize("weights", [(1.0, 1.0, 1.0), (1.0, 0.1, 0.0), (0.3, 0.3, 1.0)])
+@pytest.mark.parametrize("weights", [(1.0, 0.1, 0.0), (0.3, 0.3, 1.0)])
 def test_the_least_energy_of_a_general_optimiser(problem, weights):
-    picture = problem.energy.motion.picture
+    picture = problem.picture
     trust = picture.depth.weight * torch.tensor(weights, dtype=torch.float64)[:, None]
     problem.energy.look(picture=replace(picture, depth=replace(picture.depth, weight=trust)))
     v = shifted(problem, 0.5, -0.4, jitter=0.03)
     found = v
     # Its slight stiffness slows it along what people at these few distances hardly tell apart, and does not stop it.
-    for _ in range(80):
+    for _ in range(60):
         found = fit_depth_range(problem.energy, found)
     best = by_scipy(problem, v)
     assert problem.energy.value(found) < problem.energy.value(v)
@@ -94,11 +94,11 @@ def test_the_energy_does_not_rise(problem):
 
 def test_the_clips_range_moves_with_its_frames(problem):
     """What all frames ask for is the clip's error, not every frame's jitter."""
-    depth = problem.energy.motion.picture.depth
+    depth = problem.picture.depth
     wished = depth.scene_rows @ torch.tensor([0.0, 0.4], dtype=torch.float64)
     # Bodies stand where another gap would put the depth map.
     moved = replace(depth, body=depth.scene + wished)
-    problem.energy.look(picture=replace(problem.energy.motion.picture, depth=moved))
+    problem.energy.look(picture=replace(problem.picture, depth=moved))
     v = problem.variables
     for _ in range(20):
         v = fit_depth_range(problem.energy, v)
@@ -107,11 +107,11 @@ def test_the_clips_range_moves_with_its_frames(problem):
 
 
 def test_one_jittering_frame_moves_most(problem):
-    depth = problem.energy.motion.picture.depth
+    depth = problem.picture.depth
     only_first = torch.zeros(FRAMES, dtype=torch.float64)
     only_first[0] = 0.1
     moved = replace(depth, body=depth.scene + depth.scene_rows[..., 1] * only_first)
-    problem.energy.look(picture=replace(problem.energy.motion.picture, depth=moved))
+    problem.energy.look(picture=replace(problem.picture, depth=moved))
     v = fit_depth_range(problem.energy, problem.variables)
     change = (v.log_inverse_gap - problem.variables.log_inverse_gap).abs()
     assert change[0] > 1.2 * change[1:].max()
@@ -126,7 +126,7 @@ def test_without_evidence_the_range_stays(problem, silent):
     elif silent == "no term":
         problem.energy.weights = replace(problem.energy.weights, depth=0.0)
     else:
-        picture = problem.energy.motion.picture
+        picture = problem.picture
         blind = replace(picture.depth, weight=torch.zeros_like(picture.depth.weight))
         problem.energy.look(picture=replace(picture, depth=blind))
     found = fit_depth_range(problem.energy, v)

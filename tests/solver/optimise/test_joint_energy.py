@@ -220,6 +220,7 @@ def test_contact_neither_shrinks_nor_grows_the_scene(clip, body, name):
         ground = moved.ground + torch.tensor([0, 0, growth], dtype=torch.float64)
         resized = Variables(**{**vars(moved), "log_scale": moved.log_scale + growth, "ground": ground})
         motion = problem.energy.motion
+        assert motion.support is not None
         sized = problem.energy_with(problem.weights)
         sized.look(contacts=motion.contacts, support=factor * motion.support)
         return sum(float(sized.person(resized, n)) for n in range(2))

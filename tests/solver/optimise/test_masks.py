@@ -8,7 +8,7 @@ from core_solver.camera import Camera
 from core_solver.optimise.masks import ideal_grids, raster_grid
 
 BARREL = Camera(480, 360, 400.0, 380.0, 235.0, 185.0, (-0.25, 0.06, 0.002, -0.001, 0.0), "truth")
-STRAIGHT = Camera(480, 360, 400.0, 380.0, 235.0, 185.0, (0.0,) * 5, "truth")
+STRAIGHT = Camera(480, 360, 400.0, 380.0, 235.0, 185.0, (0.0, 0.0, 0.0, 0.0, 0.0), "truth")
 
 
 def smooth_picture(rows: int, columns: int) -> np.ndarray:
@@ -21,7 +21,7 @@ def test_a_grid_keeps_the_pictures_shape_and_is_no_finer_than_it():
     assert (raster_grid(BARREL, 160).width, raster_grid(BARREL, 160).height) == (160, 120)
     assert (raster_grid(BARREL, 5000).width, raster_grid(BARREL, 5000).height) == (480, 360)
     assert raster_grid(BARREL, 160).fx == pytest.approx(400 / 3)
-    portrait = Camera(360, 480, 400.0, 380.0, 185.0, 235.0, (0.0,) * 5, "truth")
+    portrait = Camera(360, 480, 400.0, 380.0, 185.0, 235.0, (0.0, 0.0, 0.0, 0.0, 0.0), "truth")
     assert (raster_grid(portrait, 160).width, raster_grid(portrait, 160).height) == (120, 160)
 
 

@@ -69,6 +69,7 @@ def test_mean_depths_are_those_of_the_drawn_picture(problem, grids):
     v = problem.variables
     inner = everybody_visible(problem, v, grids)
     depth = pixel_depth(problem.energy, v, inner, IDS)
+    assert inner.disparity is not None
     for n, body in enumerate(surfaces(problem, v)):
         drawn = depth_buffer(body, problem.solver_body.faces, inner.pinhole)[0]
         for t in range(FRAMES):
@@ -231,7 +232,7 @@ def test_without_a_mask_there_is_no_pull(clip, body):
     problem = Problem(SyntheticClip(**{**vars(clip), "modalities": empty}), body, only("depth", "silhouette"))
     problem.look()
     leaves = problem.variables.leaves()
-    value = sum(problem.energy.person(leaves, n) for n in range(2))
+    value = torch.stack([problem.energy.person(leaves, n) for n in range(2)]).sum()
     value.backward()
     assert value.item() == 0
     for name in ("theta", "translation", "betas"):
@@ -293,7 +294,7 @@ def test_masks_of_a_bent_lens_fit_bodies_seen_without_one(body):
     seen = contours.weight.numpy() > 0
     assert seen.mean() > 0.5
     cell = bent.width / clip.modalities.labels.shape[2]
-    straight = read_grids(clip.modalities, replace(bent, distortion=(0.0,) * 5), LONG_SIDE)
+    straight = read_grids(clip.modalities, replace(bent, distortion=(0.0, 0.0, 0.0, 0.0, 0.0)), LONG_SIDE)
     wrong = find_contours(problem.energy, problem.variables, straight, IDS, 48)
     right_error = np.abs(residuals(problem, problem.variables, contours)[seen]).mean()
     assert right_error < cell
@@ -325,7 +326,8 @@ def test_frames_without_evidence_are_not_drawn_anywhere(clip, body):
     hidden = replace(change_tracks(clip, hide), labels=labels)
     problem = Problem(SyntheticClip(**{**vars(clip), "modalities": hidden}), body)
     problem.look()
-    picture = problem.energy.motion.picture
+    picture = problem.picture
+    assert picture.contours is not None
     assert (picture.depth.weight[:, 1] == 0).all()
     assert (picture.contours.weight[:, 1] == 0).all()
     assert (picture.contours.weight[:, 0].sum(-1) > 0.5).all()

@@ -353,7 +353,7 @@ def test_the_least_there_can_be(quick, body, preset):
 
 def test_a_crowd_of_twenty(quick, body):
     walkers = [Walker(0.9 + 0.02 * (i % 6), (-2.4 + 1.2 * (i % 5), 5 + 1.5 * (i // 5)), 0.4 * i) for i in range(20)]
-    clip = make_clip(body, walkers, frames=3)
+    clip = make_clip(body, walkers, frames=2)
     solution = run(clip.modalities, clip, body)
     assert all_finite(solution)
     roots, truth = solved_joints(solution, body)[:, :, 0], clip.joints[:, :, 0]
