@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import torch
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
 from core_solver.optimise.bordered import Step, reduce_person, solve_border
@@ -74,7 +73,7 @@ def dense_step(people: list[Person], shared_curvature: np.ndarray, shared_gradie
         right[rows[:-SHARED]] += np.concatenate([person.frame_gradient.ravel(), person.own_gradient])
     matrix[shared, shared] += shared_curvature
     right[shared] += shared_gradient
-    answer: NDArray[np.float64] = -np.linalg.solve(matrix + 1e-6 * np.eye(size), right).astype(np.float64)
+    answer = np.asarray(-np.linalg.solve(matrix + 1e-6 * np.eye(size), right), np.float64)
     return Step(
         answer[: count * inner].reshape(count, frames, FRAME),
         answer[count * inner : -SHARED].reshape(count, OWN),
