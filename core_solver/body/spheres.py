@@ -56,9 +56,13 @@ def body_spheres(body: BodyModel) -> Spheres:
             carriers.append(np.eye(24)[a])
             radii.append(radius)
             parts.append(part)
-    return Spheres(
-        np.stack(templates), np.stack(directions), np.stack(carriers), np.array(radii), _self_pairs(parts, radii)
-    )
+    sphere_radii = np.array(radii)
+    centres = np.stack(templates) + np.stack(directions) @ body.neutral_betas
+    pairs = _self_pairs(parts)
+    apart = np.linalg.norm(centres[pairs[:, 0]] - centres[pairs[:, 1]], axis=1)
+    # What touches at rest, thick thighs for instance, is no collision.
+    free = apart > sphere_radii[pairs].sum(axis=1)
+    return Spheres(np.stack(templates), np.stack(directions), np.stack(carriers), sphere_radii, pairs[free])
 
 
 def _bone_radius(skin: Array, start: Array, end: Array) -> float:
@@ -71,14 +75,14 @@ def _bone_radius(skin: Array, start: Array, end: Array) -> float:
     return max(float(np.quantile(distance, 0.25)), _SMALLEST_M)
 
 
-def _self_pairs(parts: list[str], radii: list[float]) -> NDArray[np.int64]:
+def _self_pairs(parts: list[str]) -> NDArray[np.int64]:
     """Pairs of parts that really collide; an upper arm belongs beside the trunk."""
     upper = {i for i, part in enumerate(parts) if part.endswith("arm") and parts.index(part) + 2 > i}
     pairs = []
     for i in range(len(parts)):
         for j in range(i + 1, len(parts)):
             kinds = {parts[i].split("_")[-1], parts[j].split("_")[-1]}
-            legs = kinds == {"leg"} and parts[i] != parts[j] and radii[i] == radii[j]
+            legs = kinds == {"leg"} and parts[i] != parts[j]
             arms = "arm" in kinds and parts[i] != parts[j] and not {i, j} & upper
             if legs or arms:
                 pairs.append((i, j))

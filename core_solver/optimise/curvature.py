@@ -95,7 +95,7 @@ class _Assembly:
         flat = border.flatten(0, 1)
         corner = flat.T @ flat
         self._add_priors(blocks, corner)
-        following, second = self._add_motion(blocks)
+        following, second = self._add_motion(blocks, sides, corner)
         return Curvature(blocks, following, second, sides, corner)
 
     def _moving(self, rest: Tensor, directions: Tensor, weights: Tensor) -> _Moving:
@@ -206,13 +206,13 @@ class _Assembly:
         logs = torch.log(share / sigma) - 0.5 * ((log_height - mean) / sigma) ** 2
         return (torch.softmax(logs, 0) / sigma**2).sum()
 
-    def _add_motion(self, blocks: Tensor) -> tuple[Tensor, Tensor]:
+    def _add_motion(self, blocks: Tensor, sides: Tensor, corner: Tensor) -> tuple[Tensor, Tensor]:
         frames = len(blocks)
         following = blocks.new_zeros(max(frames - 1, 0), FRAME, FRAME)
         second = blocks.new_zeros(max(frames - 2, 0))
         if frames > 1:
             self._add_root_motion(blocks, following, second)
-            self._add_point_motion(blocks, following)
+            self._add_point_motion(blocks, following, sides, corner)
         return following, second
 
     def _add_root_motion(self, blocks: Tensor, following: Tensor, second: Tensor) -> None:
@@ -237,14 +237,15 @@ class _Assembly:
         following[1:, place, place] += (weight * rows[1] * rows[2])[:, None]
         second += weight * rows[0] * rows[2]
 
-    def _add_point_motion(self, blocks: Tensor, following: Tensor) -> None:
+    def _add_point_motion(self, blocks: Tensor, following: Tensor, sides: Tensor, corner: Tensor) -> None:
         """Temporal and slip: both tie the velocity of points between consecutive frames."""
         w, motion, n, seconds = self._weights, self._energy.motion, self._n, self._energy.given.seconds
-        jacobians, weights = [], []
+        jacobians, shapes, weights = [], [], []
         if motion.filtered is not None and w.temporal > 0:
             points = self._keypoints.frame
             weight = 24 * w.temporal / points.shape[1] / (w.temporal_sigma * seconds) ** 2
             jacobians.append(points)
+            shapes.append(self._keypoints.betas)
             weights.append(weight[:, None].expand(-1, points.shape[1]))
         if motion.contacts is not None and w.slip > 0:
             soles = self._soles
@@ -253,6 +254,7 @@ class _Assembly:
             both = (motion.contacts[n, 1:] * motion.contacts[n, :-1]).repeat_interleave(count, 1)
             weight = w.slip / count * both / (1 + velocity.square().sum(-1)) ** 2
             jacobians.append(soles.frame)
+            shapes.append(soles.betas)
             weights.append(weight / (w.slip_sigma * seconds[:, None]) ** 2)
         if not jacobians:
             return
@@ -262,6 +264,13 @@ class _Assembly:
         blocks[1:] += later.transpose(1, 2) @ later
         blocks[:-1] += earlier.transpose(1, 2) @ earlier
         following -= later.transpose(1, 2) @ earlier
+        # Where limbs swing, a longer one moves faster: shape is felt too.
+        shape = torch.cat(shapes, 1)
+        grown = ((shape[1:] - shape[:-1]) * weight).flatten(1, 2)
+        sides[1:, :, _BETAS] += later.transpose(1, 2) @ grown
+        sides[:-1, :, _BETAS] -= earlier.transpose(1, 2) @ grown
+        flat = grown.flatten(0, 1)
+        corner[_BETAS, _BETAS] += flat.T @ flat
 
 
 def _fields(moving: _Moving) -> tuple[Tensor, Tensor, Tensor]:

@@ -50,7 +50,7 @@ class Preset:
 _EACH_PIXEL = Look(320, 64, each_pixel=True)
 
 FAST = Preset(
-    "fast", Weights(), Schedule(5, 2e-3), Schedule(8, 2e-3), Look(160, 32, each_pixel=False), _EACH_PIXEL,
+    "fast", Weights(), Schedule(5, 2e-3), Schedule(8, 2e-3), Look(320, 32, each_pixel=False), _EACH_PIXEL,
     Schedule(2, 1e-3),
 )  # fmt: skip
 EXACT = Preset("exact", Weights(), Schedule(8, 1e-3), Schedule(20, 3e-4), _EACH_PIXEL, _EACH_PIXEL, Schedule(2, 1e-4))

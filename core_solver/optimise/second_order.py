@@ -20,7 +20,7 @@ from core_solver.optimise.variables import Variables
 Array = NDArray[np.float64]
 
 _LOG = logging.getLogger(__name__)
-_ATTEMPTS = 5
+_ATTEMPTS = 10
 _FIRST_DAMPING = 1e-3
 _LEAST_DAMPING, _MOST_DAMPING = 1e-7, 1e6
 _LARGEST_TURN = 1.0  # radians a joint may turn in one step

@@ -36,6 +36,7 @@ from core_solver.tracking.tracks import Modalities
 Array = NDArray[np.float64]
 
 _DRAFT_FRAMES = 48  # of the depth map that carries feet
+_SAME_STEP_M = 0.05
 
 # The keypoints that speak for a joint; joints of the trunk take the shoulders and hips.
 _WITNESSES = {
@@ -109,8 +110,12 @@ class _Problem:
         far, gap = (torch.exp(x).cpu().double().numpy() for x in (v.log_inverse_far, v.log_inverse_gap))
         depth = median_depth(clip.modalities, far, gap, _DRAFT_FRAMES)
         support = build_support(depth, clip.camera, ground_frame(energy, v))
-        rests = clip.still * clip.evidence.valid[..., None]
-        self.onlooker.stand_on(support.calibrated(lowest_soles(energy, v), rests))
+        soles = lowest_soles(energy, v)
+        heights = soles @ support.up
+        # Of two still feet the lower one stands: a raised leg can be as still.
+        carries = heights < heights.min(axis=-1, keepdims=True) + _SAME_STEP_M
+        rests = clip.still * clip.evidence.valid[..., None] * carries
+        self.onlooker.stand_on(support.calibrated(soles, rests))
 
 
 def ground_frame(energy: JointEnergy, v: Variables) -> GroundFrame:

@@ -171,7 +171,6 @@ def test_every_block_of_the_whole(optimum):
             assert_same(found[rows, columns], truth[rows, columns], 1e-3)
 
 
-@pytest.mark.xfail(strict=True, reason="temporal has no curvature for betas, though moving bodies feel them")
 def test_temporal_of_a_moving_body(optimum):
     rng = np.random.default_rng(5)
     v = optimum.variables
