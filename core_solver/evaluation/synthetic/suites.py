@@ -35,6 +35,8 @@ class Kind:
         terrains: of which there is one; numbers of people and terrains take turns from seed to seed.
         errors: how much larger than measured the modalities' errors are.
         frames: fewest and most.
+        with_adult: the first is an adult if all would be children: their world looks like one of adults, only smaller,
+            and no camera can tell.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Kind:
     terrains: tuple[str, ...]
     errors: float = 1.0
     frames: tuple[int, int] = (75, 90)
+    with_adult: bool = True
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ SUITES = {
     for suite in (
         Suite(
             "standard",
-            "two scenes of 1 to 5 adults and children, all motions and sceneries, errors as measured on real clips",
+            "two scenes of 1 to 5 people, children with adults, all motions and sceneries, errors as on real clips",
             (Kind("one", (1, 4), ACTS, TERRAINS), Kind("two", (2, 5), ACTS, TERRAINS)),
         ),
         Suite(
@@ -78,8 +81,8 @@ SUITES = {
             "five people who cross, enter, leave and jump on stairs, errors 1.6 times as large; one picture; one still",
             (
                 Kind("crowd", (5, 5), ("cross", "cross", "enter", "leave", "jump"), ("stairs",), 1.6, (90, 110)),
-                Kind("picture", (1, 1), ("stand",), ("flat",), frames=(1, 1)),
-                Kind("still", (1, 1), ("stand",), TERRAINS[:2]),
+                Kind("picture", (1, 1), ("stand",), ("flat",), frames=(1, 1), with_adult=False),
+                Kind("still", (1, 1), ("stand",), TERRAINS[:2], with_adult=False),
             ),
         ),
     )
@@ -151,6 +154,8 @@ def _draw_plan(
     times = np.arange(rng.integers(kind.frames[0], kind.frames[1] + 1)) / float(rng.choice([25.0, 30.0]))
     setting = Setting(shot, terrain, max(float(times[-1]), _SHORTEST_S), tuple(recordings))
     children = [bool(child) for child in rng.random(people) < _CHILDREN]
+    if all(children) and kind.with_adult:
+        children[0] = False
     acts = [str(act) for act in rng.choice(kind.acts, size=people, replace=people > len(kind.acts))]
     return Plan(
         name=kind.name,
