@@ -28,6 +28,7 @@ _HORIZON_SIGMA = math.radians(30)  # cameras are held roughly level
 _FLOOR_SIGMA = 0.20  # log depth of a network on a floor
 _LOG_INVERSE_DEPTHS = (-math.log(1000.0), -math.log(0.05))  # a network's far end may be beyond all measure
 _OTHER_SIZES = (0.75, 1.33)
+_LOG_SIZES = (-5.0, 7.0)  # of scales, and of the camera's height in metres
 _LIMITS = (200.0, 8.0)  # where residuals level off, in their deviations
 
 
@@ -95,7 +96,9 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
         up = frame @ matrix_from_rotvec([x[0], 0.0, x[1]]) @ [0.0, 1.0, 0.0]
         scales, levels, depth_range = np.split(x[3:], [people, 2 * people])
         far, gap = np.exp(np.clip(depth_range, *_LOG_INVERSE_DEPTHS)) if has_depth else (0.01, 0.5)
-        return ScaleGround(np.exp(scales), up, math.exp(x[2]), levels, float(far), float(gap))
+        # A step too far must be a bad answer, not an overflow.
+        sizes = np.exp(np.clip(np.concatenate([x[2:3], scales]), *_LOG_SIZES))
+        return ScaleGround(sizes[1:], up, float(sizes[0]), levels, float(far), float(gap))
 
     def residuals(x: Array, limit: float) -> Array:
         answer = unpack(x)

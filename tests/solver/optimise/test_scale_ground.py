@@ -184,3 +184,21 @@ def test_a_camera_that_looks_steeply_down_is_believed_to_do_so():
     up = solve(problem).up
     assert np.linalg.norm(up) == pytest.approx(1)
     assert degrees_between(up, tilted_up(60.0)) < 20
+
+
+def test_steps_beyond_all_measure_stay_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An optimiser tries wild values on its way: they must cost much and not end the solve."""
+    import core_solver.optimise.scale_ground as module
+
+    seen = []
+
+    def wild(residuals, x, args, **_options):
+        seen.extend(np.isfinite(residuals(x * 0 + far, *args)).all() for far in (900.0, -900.0))
+        return original(residuals, x, args=args, **_options)
+
+    original = module.least_squares
+    monkeypatch.setattr(module, "least_squares", wild)
+    answer = solve(problem_of([(1.0, -1.0, 5.0), (0.95, 1.0, 6.0)]))
+    assert len(seen) >= 2
+    assert all(seen)
+    assert np.isfinite(answer.scales).all()
