@@ -12,7 +12,6 @@ from core_solver.tracking.tracks import Modalities
 Array = NDArray[np.float64]
 
 _MIN_SIZE_PX = 16.0
-_LANDMARK_DEPTH = 0.8  # expected depth within a body, as a share of what a network says
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ def gather_evidence(modalities: Modalities, camera: Camera) -> Evidence:
         valid=valid,
         pixels=pixels,
         confidence=confidence,
-        landmarks=turn_to_camera(expect_shallow(landmarks), pixels, camera),
+        landmarks=turn_to_camera(landmarks, pixels, camera),
         size=_person_sizes(pixels, confidence, valid),
     )
 
@@ -69,17 +68,6 @@ def _fill_missing(pixels: Array) -> Array:
     finite = np.where(known, pixels, 0)
     middle = finite.sum(axis=-2, keepdims=True) / np.maximum(known.sum(axis=-2, keepdims=True), 1)
     return np.where(known, pixels, middle)
-
-
-def expect_shallow(landmarks: Array) -> Array:
-    """Landmarks (..., 25, 3) as they are to be expected, their depths drawn towards the body's middle.
-
-    A network's depth within a body is wrong by about 5 cm, and every such error, to the front or to the back, makes a
-    limb look shorter in the picture than it is. Taken at its word it puts people 3 to 4 % too near.
-    """
-    middle = landmarks[..., 2:].mean(axis=-2, keepdims=True)
-    depth = middle + _LANDMARK_DEPTH * (landmarks[..., 2:] - middle)
-    return np.concatenate([landmarks[..., :2], depth], axis=-1)
 
 
 def turn_to_camera(landmarks: Array, pixels: Array, camera: Camera) -> Array:
