@@ -124,10 +124,6 @@ def ground_frame(energy: JointEnergy, v: Variables) -> GroundFrame:
     return GroundFrame(-up, up, float(energy.given.offset * torch.exp(v.ground[2])))
 
 
-def _as_fit(v: Variables) -> PoseFit:
-    return PoseFit(*(values.cpu().double().numpy() for values in (v.theta, v.translation, v.betas)))
-
-
 def _filtered_keypoints(energy: JointEnergy, v: Variables, times: Array) -> Tensor:
     """(N, T, 25, 3) at unit scale: what velocities follow in stage II."""
     with torch.no_grad():
