@@ -67,7 +67,7 @@ class Weights:
     acceleration: float = 1.0
     acceleration_sigma: float = ROOT_ACCELERATION
     depth: float = 1.0
-    depth_sigma: float = 0.25
+    depth_sigma: float = 0.12
     silhouette: float = 6.0
     silhouette_sigma: float = 0.02
     contact: float = 1.0

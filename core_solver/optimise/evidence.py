@@ -12,6 +12,7 @@ from core_solver.tracking.tracks import Modalities
 Array = NDArray[np.float64]
 
 _MIN_SIZE_PX = 16.0
+_LANDMARK_DEPTH = 0.8  # expected depth within a body, as a share of what a network says
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def gather_evidence(modalities: Modalities, camera: Camera) -> Evidence:
         valid=valid,
         pixels=pixels,
         confidence=confidence,
-        landmarks=turn_to_camera(landmarks, pixels, camera),
+        landmarks=turn_to_camera(expect_shallow(landmarks), pixels, camera),
         size=_person_sizes(pixels, confidence, valid),
     )
 
@@ -68,6 +69,20 @@ def _fill_missing(pixels: Array) -> Array:
     finite = np.where(known, pixels, 0)
     middle = finite.sum(axis=-2, keepdims=True) / np.maximum(known.sum(axis=-2, keepdims=True), 1)
     return np.where(known, pixels, middle)
+
+
+def expect_shallow(landmarks: Array) -> Array:
+    """Landmarks (..., T, 25, 3) as they are to be expected, their depths drawn towards the body's axis.
+
+    A network's depth within a body is wrong by about 5 cm, and every such error, to the front or to the back, makes a
+    limb look shorter in the picture than it is. Taken at its word it puts people 3 to 4 % too near. The axis keeps its
+    lean: seen from above, the head of somebody upright is nearer than the feet.
+    """
+    centred = landmarks - landmarks.mean(axis=-2, keepdims=True)
+    down, depth = centred[..., 1], centred[..., 2]
+    axis = (depth * down).sum((-2, -1)) / np.maximum((down**2).sum((-2, -1)), 1e-9)
+    off_axis = depth - axis[..., None, None] * down
+    return landmarks - (1 - _LANDMARK_DEPTH) * off_axis[..., None] * (0.0, 0.0, 1.0)
 
 
 def turn_to_camera(landmarks: Array, pixels: Array, camera: Camera) -> Array:

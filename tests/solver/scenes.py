@@ -13,6 +13,8 @@ from core_solver.camera import Camera, camera_from_fov
 from core_solver.geometry import align_vectors, matrix_from_rotvec, rotvec_from_matrix
 from core_solver.tracking.tracks import Modalities, Track
 
+LANDMARK_NOISE_M = (0.01, 0.01, 0.05)  # in every frame the same: networks err about a body's depth, and stay with it
+
 
 @dataclass(frozen=True)
 class Walker:
@@ -116,10 +118,11 @@ def make_clip(
         )
         keypoints = keypoints + gamma[:, None]
         pixels = camera.project(keypoints) + rng.normal(size=(frames, 25, 2)) * noise_px
-        landmarks = keypoints / walker.scale + rng.normal(size=(frames, 25, 3)) * 0.01
+        landmarks = keypoints / walker.scale
         landmarks -= landmarks[:, [11, 12]].mean(axis=1, keepdims=True)
         ray = keypoints.mean(axis=1)
         landmarks = landmarks @ align_vectors(np.broadcast_to([0, 0, 1.0], ray.shape), ray)
+        landmarks += rng.normal(size=(25, 3)) * LANDMARK_NOISE_M
         vertices = metric + gamma[:, None]
         _paint(labels, depth, vertices, body.faces, camera, index + 1)
         track = Track(

@@ -22,6 +22,7 @@ ACTS = (
     "crouch", "cheer",
 )  # fmt: skip
 """Who walks is more often seen than who stands."""
+_MEAN_STATURES_M = (1.59, 1.71)
 _APART_M = 0.55
 _FREE_M = 0.35  # from blocks
 _TRIES = 300
@@ -46,10 +47,10 @@ class Setting:
 
 
 def draw_height(rng: np.random.Generator, child: bool) -> float:
-    """A stature in metres: children 0.95 to 1.45, adults 1.50 to 1.95."""
+    """A stature in metres: children 0.95 to 1.45, women and men as in the whole world (NCD Risk Factor Collaboration)."""
     if child:
         return float(rng.uniform(0.95, 1.45))
-    return float(np.clip(rng.normal(1.72, 0.09), 1.5, 1.95))
+    return float(np.clip(rng.normal(rng.choice(_MEAN_STATURES_M), 0.07), 1.5, 1.95))
 
 
 def draw_roles(

@@ -70,9 +70,9 @@ def true_range(frames: int) -> DepthRange:
 # --- A clip with truth ------------------------------------------------------------------------------------------------
 
 
-def test_a_clip_without_noise_is_solved(clip, solved, body):
+def test_a_clip_is_solved(clip, solved, body):
     joints = solved_joints(solved, body)
-    assert mpjpe(joints, clip, solved.scales).mean() < 0.03  # the filter lags behind swinging limbs
+    assert mpjpe(joints, clip, solved.scales).mean() < 0.045  # landmarks err, and the filter lags behind swinging limbs
     assert np.linalg.norm(joints[:, :, 0] - clip.joints[:, :, 0], axis=-1).mean() < 0.15
     assert np.abs(solved.scales - 1).max() < 0.04
     pixels = clip.camera.project(joints) - clip.camera.project(clip.joints)
@@ -127,6 +127,8 @@ def test_the_gradient_is_that_of_the_value(clip, body, quick):
     """Along the view everything is smooth: bodies and depth ranges that grow together keep their pictures."""
     energy = make_energy(clip.modalities, clip, body, SHORT.without("joints", "smpl", "silhouette"))
     variables, step = energy.start(), 1e-3
+    with torch.no_grad():
+        variables.soft_scale.add_(0.3)  # away from where little pulls
     energy.accumulate(variables, None)
     for leaf in (variables.soft_near, variables.soft_range, variables.soft_scale):
         slope, values = float(leaf.grad.sum()), []

