@@ -76,7 +76,7 @@ class Weights:
     collision: float = 1.0
     collision_sigma: float = 0.05
     slip: float = 1.0
-    slip_sigma: float = 0.1
+    slip_sigma: float = 0.05
     temporal: float = 1.0
     temporal_sigma: float = 0.4
     tilt_sigma: float = math.radians(0.5)

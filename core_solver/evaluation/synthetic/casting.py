@@ -47,7 +47,7 @@ class Setting:
 
 
 def draw_height(rng: np.random.Generator, child: bool) -> float:
-    """A stature in metres: children 0.95 to 1.45, women and men as in the whole world (NCD Risk Factor Collaboration)."""
+    """A stature in metres: children 0.95 to 1.45, women and men as in the whole world (NCD-RisC 2016)."""
     if child:
         return float(rng.uniform(0.95, 1.45))
     return float(np.clip(rng.normal(rng.choice(_MEAN_STATURES_M), 0.07), 1.5, 1.95))
