@@ -85,6 +85,19 @@ class Camera(CameraModel):
         return CameraModel(**{name: getattr(self, name) for name in CameraModel.__dataclass_fields__})
 
 
+@dataclass(frozen=True)
+class CameraEstimate:
+    """A camera and how well its focal length is known.
+
+    Attributes:
+        camera: intrinsics.
+        focal_sigma: deviation of log focal length; 0 where it is calibrated or given.
+    """
+
+    camera: Camera
+    focal_sigma: float
+
+
 def camera_from_model(model: CameraModel) -> Camera:
     """The geometry of a take's camera record."""
     return Camera(**{name: getattr(model, name) for name in CameraModel.__dataclass_fields__})

@@ -27,7 +27,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("take",),
     ("camera", "body"),
     ("perception.observations", "tracking.tracks"),
-    ("energy", "raster", "video"),
+    ("energy", "raster", "video", "camera_metadata"),
     ("perception", "tracking", "scene", "preview"),
     ("optimise",),  # its stages draw on `scene` for samples of the floor and for contacts
     ("assemble",),
