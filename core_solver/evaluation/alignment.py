@@ -1,6 +1,7 @@
 """Joint errors after people's tracks are laid over the truth: alone in chunks of a clip, or all people together.
 
-Joints are (N, T, J, 3) metres with a mask (N, T); rows are the same person in prediction and truth. The usual code fits
+Joints are (N, T, J, 3) metres with a mask (N, T); rows are the same person in prediction and truth. Joints that are not
+finite are left out one by one, and frames that have none are no frames of a chunk. The usual code fits
 a scale too and so hides a wrong one: every measure here is told whether it may.
 """
 
@@ -8,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from core_solver.evaluation.metrics import MILLIMETRES, Array, Mask, mean_or_none, usable
+from core_solver.evaluation.metrics import MILLIMETRES, Array, Mask, mean_or_none, usable_joints
 from core_solver.geometry import fit_similarity
 
 CHUNK = 100  # frames
@@ -27,18 +28,21 @@ def wa_mpjpe(predicted: Array, true: Array, mask: Mask, *, with_scale: bool) -> 
 
 def group_w(predicted: Array, true: Array, mask: Mask, *, with_scale: bool = False) -> float | None:
     """Mean joint error after one transform for all people and frames together: who stands where among the others."""
-    measured = usable(mask, predicted, true)
+    known = usable_joints(mask, predicted, true)
+    measured = known.any(axis=-1)
     if not measured.any():
         return None
-    return mean_or_none(_aligned(predicted[measured], true[measured], slice(None), with_scale=with_scale))
+    return mean_or_none(
+        _aligned(predicted[measured], true[measured], known[measured], slice(None), with_scale=with_scale)
+    )
 
 
 def _chunk_errors(predicted: Array, true: Array, mask: Mask, anchors: int, *, with_scale: bool) -> float | None:
-    measured = usable(mask, predicted, true)
+    known = usable_joints(mask, predicted, true)
     errors = [
-        _aligned(p[frames], t[frames], slice(anchors), with_scale=with_scale).ravel()
-        for p, t, seen in zip(predicted, true, measured, strict=True)
-        for frames in _chunks(np.flatnonzero(seen))
+        _aligned(p[frames], t[frames], k[frames], slice(anchors), with_scale=with_scale)
+        for p, t, k in zip(predicted, true, known, strict=True)
+        for frames in _chunks(np.flatnonzero(k.any(axis=-1)))
     ]
     return mean_or_none(np.concatenate(errors)) if errors else None
 
@@ -51,7 +55,8 @@ def _chunks(frames: np.ndarray) -> Iterator[np.ndarray]:
             yield frames[start:stop]
 
 
-def _aligned(predicted: Array, true: Array, anchors: slice, *, with_scale: bool) -> Array:
-    """Errors (frames, J) in millimetres after the motion that fits the anchor frames best."""
-    motion = fit_similarity(predicted[anchors].reshape(-1, 3), true[anchors].reshape(-1, 3), with_scale=with_scale)
-    return np.linalg.norm(motion.apply(predicted) - true, axis=-1) * MILLIMETRES
+def _aligned(predicted: Array, true: Array, known: Mask, anchors: slice, *, with_scale: bool) -> Array:
+    """Errors (K,) in millimetres of the known joints after the motion that fits those of the anchor frames best."""
+    fixed = known[anchors]
+    motion = fit_similarity(predicted[anchors][fixed], true[anchors][fixed], with_scale=with_scale)
+    return np.linalg.norm(motion.apply(predicted[known]) - true[known], axis=-1) * MILLIMETRES

@@ -1,4 +1,4 @@
-"""`scene-aware-mocap evaluate synthetic`: scenes with exact truth, solved and measured.
+"""`scene-aware-mocap evaluate`: scenes with exact truth, solved and measured, and takes of real clips with real truth.
 
 `core_solver.cli` calls `add_parser` and then the handler that the parsed arguments carry as `run`. Errors leave as
 `UserError`; the caller prints them on one line.
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core_solver.errors import UserError
+from core_solver.evaluation import real_cli
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -57,7 +58,7 @@ def add_parser(
         run=lambda options: evaluate_synthetic(options, make_progress()),
         stopped="stopped: finished solves are kept; give the same command to go on",
     )
-    return (synthetic,)
+    return (synthetic, *real_cli.add_parsers(kinds, make_progress))
 
 
 def evaluate_synthetic(options: argparse.Namespace, progress: Progress) -> int:

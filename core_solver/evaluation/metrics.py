@@ -27,8 +27,9 @@ MUPOTS_14 = tuple(
 )  # fmt: skip
 
 _ROOT_REACH_M = 0.25
-_PCK_REACH_M = 0.15
+PCK_REACH_M = 0.15
 _EQUAL_DEPTH_M = 0.3
+_FEWEST_TO_ALIGN = 3
 _SAME_PERSON_ANGLE = 0.15  # radians between viewing rays beyond which two people are not the same
 
 
@@ -37,6 +38,14 @@ def usable(mask: Mask, *points: Array) -> Mask:
     for array in points:
         mask = mask & np.isfinite(array).all(axis=tuple(range(2, array.ndim)))
     return mask
+
+
+def usable_joints(mask: Mask, *points: Array) -> Mask:
+    """The mask (N, T) for each joint: (N, T, J) without those that are not finite in any of the points (N, T, J, 3)."""
+    joints = np.broadcast_to(mask[..., None], points[0].shape[:3])
+    for array in points:
+        joints = joints & np.isfinite(array).all(axis=-1)
+    return joints
 
 
 def mean_or_none(values: Array | Mask) -> float | None:
@@ -131,6 +140,52 @@ def average_precision(predicted: Array, scores: Array, found: Mask, true: Array,
     return float(precision[hits].sum() / present.sum())
 
 
+def match_in_picture(
+    predicted: Array, true: Array, found: Mask, present: Mask, reach_px: float = np.inf
+) -> NDArray[np.int64]:
+    """Which predicted person is which true one: the assignment with the smallest mean distance in the image.
+
+    It needs no common intrinsics, which a take without calibration does not have, and depth, what is judged, has no
+    say.
+
+    Args:
+        predicted: (P, T, 2) roots in pixels.
+        true: (N, T, 2) roots in pixels.
+        found: (P, T) where there is a prediction.
+        present: (N, T) where there is truth.
+        reach_px: people farther apart than this on average are not the same.
+
+    Returns:
+        (N,) index of the predicted person, -1 where nobody fits.
+    """
+    matches = np.full(len(true), -1)
+    if len(predicted) == 0 or len(true) == 0:
+        return matches
+    common = usable(found, predicted)[None] & usable(present, true)[:, None]
+    distances = np.where(common, np.linalg.norm(true[:, None] - predicted[None], axis=-1), 0)
+    mean = distances.sum(axis=-1) / np.maximum(common.sum(axis=-1), 1)
+    fits = common.any(axis=-1) & (mean <= reach_px)
+    # A pair that cannot be costs more than all others together, so that it never keeps a possible one from its place.
+    rows, columns = linear_sum_assignment(np.where(fits, mean, 1 + mean[fits].sum()))
+    matches[rows] = np.where(fits[rows, columns], columns, -1)
+    return matches
+
+
+def pair_distance(predicted: Array, true: Array, mask: Mask) -> float | None:
+    """Mean error of the distances between people, each pair in each frame, roots (N, T, 3). Millimetres."""
+    measured = usable(mask, predicted, true)
+    first, second = np.triu_indices(len(true), k=1)
+    both = measured[first] & measured[second]
+    distances = [np.linalg.norm(points[first] - points[second], axis=-1)[both] for points in (predicted, true)]
+    return mean_or_none(np.abs(distances[0] - distances[1]) * MILLIMETRES)
+
+
+def known_errors(predicted: Array, true: Array, mask: Mask) -> Array:
+    """Distances (K,) in metres of all joints (N, T, J, 3) that both sides know; nothing is aligned."""
+    known = usable_joints(mask, predicted, true)
+    return np.linalg.norm(predicted[known] - true[known], axis=-1)
+
+
 def relative_errors(predicted: Array, true: Array, mask: Mask, root: int = 0) -> Array:
     """Joint errors (M, J) in metres of the M measured person-frames, both skeletons moved to their root joint."""
     measured = usable(mask, predicted, true)
@@ -145,15 +200,25 @@ def mpjpe(predicted: Array, true: Array, mask: Mask) -> float | None:
 
 def pck3d(predicted: Array, true: Array, mask: Mask, joints: tuple[int, ...] = MUPOTS_14) -> float | None:
     """3DPCK as in the paper: share of the joints (N, T, 24, 3) within 150 mm relative to the root, unscaled."""
-    return mean_or_none(relative_errors(predicted, true, mask)[:, list(joints)] < _PCK_REACH_M)
+    return mean_or_none(relative_errors(predicted, true, mask)[:, list(joints)] < PCK_REACH_M)
 
 
 def pa_mpjpe(predicted: Array, true: Array, mask: Mask) -> float | None:
-    """Mean joint error after the best similarity (never a reflection) of each person in each frame."""
-    measured = usable(mask, predicted, true)
-    pairs = zip(predicted[measured], true[measured], strict=True)
-    errors = [np.linalg.norm(fit_similarity(p, t, with_scale=True).apply(p) - t, axis=-1) for p, t in pairs]
-    return mean_or_none(np.array(errors) * MILLIMETRES)
+    """Mean joint error after the best similarity (never a reflection) of each person in each frame.
+
+    Joints that one side does not know are left out; fewer than three fix no similarity, and the frame is left out.
+    """
+    known = usable_joints(mask, predicted, true)
+    enough = known.sum(axis=-1) >= _FEWEST_TO_ALIGN
+    errors = [
+        _similarity_errors(p[seen], t[seen])
+        for p, t, seen in zip(predicted[enough], true[enough], known[enough], strict=True)
+    ]
+    return mean_or_none(np.concatenate(errors) * MILLIMETRES) if errors else None
+
+
+def _similarity_errors(predicted: Array, true: Array) -> Array:
+    return np.linalg.norm(fit_similarity(predicted, true, with_scale=True).apply(predicted) - true, axis=-1)
 
 
 def height_error(predicted: Array, true: Array) -> float | None:

@@ -5,7 +5,7 @@ Arrays are N people over T frames, camera frame, metres, with a mask (N, T) of t
 
 import numpy as np
 
-from core_solver.evaluation.metrics import MILLIMETRES, Array, Mask, mean_or_none, usable
+from core_solver.evaluation.metrics import MILLIMETRES, Array, Mask, mean_or_none, usable, usable_joints
 from core_solver.evaluation.truth import Scenery
 
 _PENETRATION_M = 0.005
@@ -16,7 +16,7 @@ def jitter_paper(predicted: Array, true: Array, mask: Mask) -> float | None:
 
     Millimetres a frame. It compares lengths only and is blind to direction.
     """
-    measured = _runs(usable(mask, predicted, true), 2)
+    measured = _runs(usable_joints(mask, predicted, true), 2)
     steps = [np.linalg.norm(np.diff(joints, axis=1), axis=-1)[measured] for joints in (predicted, true)]
     return mean_or_none(np.abs(steps[0] - steps[1]) * MILLIMETRES)
 
@@ -29,7 +29,7 @@ def jitter_wham(predicted: Array, mask: Mask, frame_rate: float) -> float | None
         mask: (N, T).
         frame_rate: frames a second.
     """
-    measured = _runs(usable(mask, predicted), 4)
+    measured = _runs(usable_joints(mask, predicted), 4)
     jerks = np.linalg.norm(np.diff(predicted, n=3, axis=1), axis=-1)[measured]
     return mean_or_none(jerks * frame_rate**3 / 10)
 
@@ -81,9 +81,9 @@ def _heights(vertices: Array, scenery: Scenery, mask: Mask) -> Array:
 
 
 def _runs(mask: Mask, length: int) -> Mask:
-    """(N, T - length + 1): where `length` frames in a row are in the mask."""
-    count = mask.shape[1] - length + 1
-    runs = np.ones((len(mask), max(count, 0)), bool)
+    """(N, T - length + 1, ...) from (N, T, ...): where `length` frames in a row are in the mask."""
+    count = max(mask.shape[1] - length + 1, 0)
+    runs = np.ones((len(mask), count, *mask.shape[2:]), bool)
     for shift in range(length):
-        runs &= mask[:, shift : shift + max(count, 0)]
+        runs &= mask[:, shift : shift + count]
     return runs

@@ -4,12 +4,13 @@ One frame at a time. Its 17 joints: top of the head, neck, right shoulder, elbow
 knee, ankle, the left three, pelvis, spine, head.
 """
 
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core_solver.evaluation.metrics import Array, Mask
+from core_solver.evaluation.metrics import Array, Mask, mean_or_none
 
 PELVIS = 14
 PARENTS = (1, 15, 1, 2, 3, 1, 5, 6, 14, 8, 9, 14, 11, 12, -1, 14, 1)
@@ -88,3 +89,42 @@ def official_hits(predicted: Array, true: Array, matches: NDArray[np.int64], mod
     all_hits = np.zeros((len(true), SCORED), bool)
     all_hits[matched] = hits
     return all_hits
+
+
+@dataclass(frozen=True)
+class OfficialScores:
+    """3DPCK of a sequence.
+
+    Attributes:
+        all: missed people count as wholly wrong.
+        matched: they are left out; None if nobody was matched.
+    """
+
+    all: float | None
+    matched: float | None
+
+
+def official_scores(
+    true: Array, true_pixels: Array, present: Mask, predicted: Array, pixels: Array, found: Mask
+) -> OfficialScores:
+    """3DPCK of a whole sequence, matched in each frame anew.
+
+    Args:
+        true: (N, T, 17, 3) metres; the dataset's program compares with the skeletons of standard size.
+        true_pixels: (N, T, 17, 2).
+        present: (N, T) annotated.
+        predicted: (P, T, 17, 3) metres.
+        pixels: (P, T, 17, 2).
+        found: (P, T).
+    """
+    hits: dict[Mode, list[Mask]] = {Mode.ALL: [], Mode.MATCHED: []}
+    for frame in np.flatnonzero(present.any(axis=0)):
+        here, seen = present[:, frame], found[:, frame]
+        truth, guess = true[here, frame], predicted[seen, frame]
+        # The program gives every annotated joint a vote, hidden ones too.
+        votes = np.ones(truth.shape[:2], bool)
+        matches = match_in_image(true_pixels[here, frame], votes, pixels[seen, frame])
+        for mode, collected in hits.items():
+            collected.append(official_hits(guess, truth, matches, mode))
+    shares = {mode: mean_or_none(np.concatenate(each)) if each else None for mode, each in hits.items()}
+    return OfficialScores(shares[Mode.ALL], shares[Mode.MATCHED])
