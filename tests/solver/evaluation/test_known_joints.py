@@ -75,7 +75,7 @@ def test_the_error_of_a_distance_by_hand():
 def test_a_distance_is_blind_to_where_the_pair_is_and_sees_scale():
     true = crowd(people=3, frames=4, joints=1)[:, :, 0]
     seen = everywhere(true)
-    assert metrics.pair_distance(true + (5, 5, 5), true, seen) == pytest.approx(0, abs=1e-9)
+    assert metrics.pair_distance(true + 5, true, seen) == pytest.approx(0, abs=1e-9)
     assert metrics.pair_distance(1.3 * true, true, seen) > 300
     assert metrics.pair_distance(true[:1], true[:1], seen[:1]) is None
 

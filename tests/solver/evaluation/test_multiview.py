@@ -31,7 +31,7 @@ SIGMA = 0.04
 
 
 def write_truth(path: Path, limbs: np.ndarray, **changes) -> Path:
-    """Truth of camera 2 of two from joints (N, T, J, 3) in that camera's frame; a change to None leaves an entry out."""
+    """Truth of camera 2 of two from joints (N, T, J, 3) in its frame; a change to None leaves an entry out."""
     people = len(limbs)
     matrix = [[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fy, CAMERA.cy], [0, 0, 1]]
     entries = {
@@ -214,7 +214,7 @@ def test_the_table_names_sequence_people_and_numbers(capsys, case):
     code, out, _ = evaluate(capsys, *case(moved(take, (0, 0, 0.05)), limbs_of(take)))
     assert code == 0
     heading, _, line = out.splitlines()[:3]
-    assert heading.split() == "MRPE AP25 matched AP25 3DPCK MPJPE PA-MPJPE group-W height order distance".split()
+    assert " ".join(heading.split()) == "MRPE AP25 matched AP25 3DPCK MPJPE PA-MPJPE group-W height order distance"
     assert line.split()[:2] == ["cam02", "50"]
     assert "cam02: person 2" in out
     assert "3DPCK all" not in out  # nothing fills it
