@@ -177,6 +177,14 @@ def _add_solve(commands: Commands) -> argparse.ArgumentParser:
         "--depth", type=Path, metavar="MODEL", help="disparity network (.onnx), or a directory of sizes"
     )
     parser.add_argument(
+        "--network",
+        dest="networks",
+        action="append",
+        default=[],
+        metavar="FILE.toml",
+        help="a network of your own, or a name that 'models list' shows; may be given several times",
+    )
+    parser.add_argument(
         "--points", type=_count, default=argparse.SUPPRESS, metavar="N", help="most points in the cloud (200000)"
     )
     parser.add_argument("--models-dir", type=Path, metavar="DIR", help="where models are kept")

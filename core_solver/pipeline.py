@@ -17,7 +17,7 @@ from core_solver.optimise.presets import PRESETS
 from core_solver.optimise.solution import Solution
 from core_solver.optimise.solve import solve
 from core_solver.perception.cache import observe
-from core_solver.perception.perceive import Networks, label_size, load_networks
+from core_solver.perception.perceive import Networks, label_size, load_networks, with_declared
 from core_solver.perception.store import ModelStore
 from core_solver.progress import Progress
 from core_solver.scene import aggregate
@@ -31,6 +31,7 @@ CLOUD_POINTS = 200_000
 _PRIOR_GRID = 320  # longer side of the depth map of the ground-plane prior
 _PICTURES = 25  # frames whose median gives the background's colours
 _MOTION_FRAMES = 12
+_VIEW_PICTURES = 5  # whose median is the field of view that a depth network sees
 _BEYOND_PEOPLE = 2.5  # the ground-plane prior's floor ends this many times as far away as the farthest person
 
 
@@ -48,6 +49,7 @@ class SolveOptions:
         every: use every n-th frame.
         people: keep this many at most.
         depth: disparity network, a file or a directory with one file for each shape.
+        networks: the user's own networks: TOML files, or names in the catalogue.
         models_dir: where models are kept.
         body: a user's own SMPL file.
         device: "auto", "cpu" or "cuda".
@@ -66,6 +68,7 @@ class SolveOptions:
     every: int = 1
     people: int | None = None
     depth: Path | None = None
+    networks: tuple[str, ...] = ()
     models_dir: Path | None = None
     body: Path | None = None
     device: str = "auto"
@@ -87,7 +90,9 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
     camera = choose_camera(options, clip, progress)
     store = ModelStore(options.models_dir)
     body = load_body(options.body or store.require("open-body"))
-    networks = load_networks(store, options.depth)
+    networks = with_declared(load_networks(store, options.depth), options.networks, store, options.device)
+    if options.networks:
+        camera = _seen_camera(camera, networks, clip, progress)
     depth_source = _depth_source(networks, clip, progress)
     observations = list(observe(clip, networks, work_directory(options.output), progress, resume=options.resume))
     size = (clip.width, clip.height)
@@ -180,6 +185,17 @@ def build_scene(
         z_near=(1 / (inverse_far + inverse_gap)).astype(np.float32),
         z_far=(1 / inverse_far).astype(np.float32),
     )
+
+
+def _seen_camera(camera: Camera, networks: Networks, clip: VideoClip, progress: Progress) -> Camera:
+    """In place of an assumed field of view the one that a declared depth network sees, if it says."""
+    if not camera.source.startswith("assumed"):
+        return camera
+    view = networks.field_of_view(picture for _, picture in clip.spread(_VIEW_PICTURES))
+    if view is None:
+        return camera
+    progress.note(f"The depth network sees a field of view of {view:.1f} degrees, which is used instead.")
+    return camera_from_fov(clip.width, clip.height, view, "field of view seen by the depth network")
 
 
 def _depth_source(networks: Networks, clip: VideoClip, progress: Progress) -> str:

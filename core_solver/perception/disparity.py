@@ -162,9 +162,14 @@ def convention_for(path: Path) -> Convention:
 
 def free_size(width: int, height: int, convention: Convention) -> tuple[int, int]:
     """(height, width) for a network that leaves the size free."""
-    scale = convention.long_side / max(width, height)
-    step = convention.multiple
-    return max(round(height * scale / step), 1) * step, max(round(width * scale / step), 1) * step
+    columns, rows = rounded_size(width, height, convention.long_side, convention.multiple)
+    return rows, columns
+
+
+def rounded_size(width: int, height: int, long_side: int, multiple: int) -> tuple[int, int]:
+    """(width, height) near the picture's shape, the longer side near `long_side`, both multiples of a number."""
+    scale = long_side / max(width, height) / multiple
+    return max(round(width * scale), 1) * multiple, max(round(height * scale), 1) * multiple
 
 
 def to_tensor(image: Image, width: int, height: int, convention: Convention) -> Floats:

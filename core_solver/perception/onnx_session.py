@@ -1,5 +1,6 @@
-"""Opening ONNX files: one place for threads and for words about damaged files."""
+"""Opening ONNX files: one place for threads, graph optimisation, devices and for words about damaged files."""
 
+import logging
 import os
 from pathlib import Path
 
@@ -9,9 +10,16 @@ from core_solver.errors import ModelError
 
 _MOST_THREADS = 4  # these small networks gain nothing from more
 
+_log = logging.getLogger(__name__)
 
-def open_session(path: Path) -> onnxruntime.InferenceSession:
-    """A session on the processor.
+
+def open_session(path: Path, device: str = "cpu") -> onnxruntime.InferenceSession:
+    """A session on the processor or on a CUDA device.
+
+    Args:
+        path: ONNX file.
+        device: "cpu"; "cuda"; or "auto" for CUDA where onnxruntime has it. Without it, "cuda" gives a warning and a
+            session on the processor.
 
     Raises:
         ModelError: the file is missing, damaged or uses operators that onnxruntime lacks.
@@ -21,8 +29,30 @@ def open_session(path: Path) -> onnxruntime.InferenceSession:
     options.intra_op_num_threads = min(max((os.cpu_count() or 2) - 1, 1), _MOST_THREADS)
     # Waiting threads must not eat the core on which another network runs.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    # Fuses operators and lays convolutions out for this processor: done once, at loading.
+    options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_ALL
     options.log_severity_level = 4
     try:
-        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        return onnxruntime.InferenceSession(str(path), options, providers=providers(device, path.name))
     except Exception as error:  # onnxruntime's errors have no public base class
         raise ModelError(f"{path} is no readable ONNX network: fetch it again or give another one") from error
+
+
+def providers(device: str, name: str) -> list[str]:
+    """What onnxruntime shall run on, first choice first, for a network of this name.
+
+    Raises:
+        ModelError: no such device.
+    """
+    if device not in ("auto", "cpu", "cuda"):
+        raise ModelError(f'no device is called "{device}": allowed are "auto", "cpu", "cuda"')
+    has_cuda = "CUDAExecutionProvider" in onnxruntime.get_available_providers()
+    if device == "cuda" and not has_cuda:
+        _log.warning(
+            "onnxruntime has no CUDA here, so %s runs on the processor: install onnxruntime-gpu instead of "
+            "onnxruntime to change that",
+            name,
+        )
+    return (
+        ["CUDAExecutionProvider", "CPUExecutionProvider"] if has_cuda and device != "cpu" else ["CPUExecutionProvider"]
+    )
