@@ -196,7 +196,7 @@ def _person(
 
 def _seen(points: NDArray[np.float64], file: Path) -> NDArray[np.float64]:
     """Points (n, 3) with confidences in [0, 1]; what is no number, or no place, was not seen."""
-    missing = ~np.isfinite(points).all(axis=1) | (np.abs(points[:, :2]) > _FARTHEST).any(axis=1)
+    missing = np.asarray(~np.isfinite(points).all(axis=1) | (np.abs(points[:, :2]) > _FARTHEST).any(axis=1))
     points = np.where(missing[:, None], 0, points)
     confidence = points[:, 2]
     is_mark = np.isin(confidence, (0, 1, 2))
