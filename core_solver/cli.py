@@ -98,6 +98,18 @@ def preview(options: argparse.Namespace) -> int:
     return 0
 
 
+def report(options: argparse.Namespace) -> int:
+    """A take as one self-contained web page."""
+    from core_solver.console import BarProgress  # noqa: PLC0415
+    from core_solver.report import write_report  # noqa: PLC0415
+
+    if options.video is not None:
+        _require_file(options.video, "video")
+    write_report(options.take, options.video, options.output, BarProgress())
+    print(f"{options.output}  ({options.output.stat().st_size / 1e6:.1f} MB, open it in a browser)")
+    return 0
+
+
 def inspect(options: argparse.Namespace) -> int:
     """What is in a take."""
     from core_solver.inspection import describe, take_facts  # noqa: PLC0415
@@ -127,7 +139,7 @@ def _parser() -> argparse.ArgumentParser:
 
     parser = _program_parser()
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for add in (_add_solve, _add_preview, _add_inspect):
+    for add in (_add_solve, _add_preview, _add_report, _add_inspect):
         _add_common(add(commands), default=argparse.SUPPRESS)
     models_cli.add_parser(commands)
     for kind in evaluation_cli.add_parser(commands, _progress_bars):
@@ -204,6 +216,15 @@ def _add_preview(commands: Commands) -> argparse.ArgumentParser:
     parser.add_argument("video", type=Path, metavar="VIDEO")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     parser.set_defaults(run=preview)
+    return parser
+
+
+def _add_report(commands: Commands) -> argparse.ArgumentParser:
+    parser = commands.add_parser("report", help="a take as one web page: footage, 3D view, measures, warnings")
+    parser.add_argument("take", type=Path, metavar="TAKE")
+    parser.add_argument("--video", type=Path, metavar="V", help="the take's video, shown small with bodies over it")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="REPORT.html")
+    parser.set_defaults(run=report)
     return parser
 
 

@@ -31,7 +31,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("perception", "tracking", "scene", "preview"),
     ("optimise",),  # its stages draw on `scene` for samples of the floor and for contacts
     ("assemble",),
-    ("interchange", "evaluation", "inspection", "console"),
+    ("interchange", "evaluation", "inspection", "console", "report"),
     ("pipeline",),
     ("cli",),
 )

@@ -1,0 +1,98 @@
+"""The footage as small JPEG pictures, sized so that the page stays light."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core_solver.errors import VideoError
+from core_solver.progress import Progress
+from core_solver.take import Take
+from core_solver.video import VideoClip, open_video
+
+Image = NDArray[np.uint8]
+
+BYTES = 15_000_000  # of all pictures together, before base64 makes them a third longer
+_MOST_PICTURES = 900  # a longer take shows every second, third, ... frame
+_LONG_SIDES = (960, 800, 720, 640, 540, 450, 380, 320, 256, 200)  # pixels, the largest that fits is taken
+_QUALITY = 74
+_SAMPLES = 5  # pictures whose size tells how large all of them will be
+_RESERVE = 0.9  # of the budget: other pictures may be busier than the samples
+
+
+@dataclass(frozen=True)
+class Footage:
+    """Pictures of a take's video.
+
+    Attributes:
+        width: pixels of each picture.
+        height: pixels of each picture.
+        frames: (n,) the take's frame of each picture, increasing.
+        pictures: n JPEG files.
+    """
+
+    width: int
+    height: int
+    frames: tuple[int, ...]
+    pictures: tuple[bytes, ...]
+
+
+def read_footage(take: Take, video: Path, progress: Progress) -> Footage:
+    """Read the pictures of a take.
+
+    Raises:
+        VideoError: unreadable, or not the take's own video.
+    """
+    clip = open_video(video)
+    positions = [take.meta.first_frame + take.meta.frame_step * frame for frame in range(take.frame_count)]
+    _check_own(take, clip, positions[-1])
+    stride = -(-take.frame_count // _MOST_PICTURES)
+    frames = range(0, take.frame_count, stride)
+    size = _fitting_size(clip, [positions[frame] for frame in frames])
+    pictures = []
+    with progress.stage("footage", len(frames)) as advance:
+        for _, picture in clip.frames_at([positions[frame] for frame in frames]):
+            pictures.append(_encode(picture, size))
+            advance(1)
+    return Footage(*size, tuple(frames), tuple(pictures))
+
+
+def _check_own(take: Take, clip: VideoClip, last: int) -> None:
+    camera, name = take.meta.camera, take.meta.video_name
+    if (clip.width, clip.height) != (camera.width, camera.height):
+        raise VideoError(
+            f"{clip.path.name} has {clip.width}x{clip.height} pixels but the take was solved from "
+            f"{camera.width}x{camera.height}: give the take's own video ({name}) with --video"
+        )
+    if last >= len(clip.frame_list):
+        raise VideoError(f"{clip.path.name} ends before the take does: give the take's own video ({name}) with --video")
+
+
+def _fitting_size(clip: VideoClip, positions: Sequence[int]) -> tuple[int, int]:
+    """(width, height) of the largest pictures that keep within the budget."""
+    spread = np.unique(np.linspace(0, len(positions) - 1, min(_SAMPLES, len(positions))).astype(int))
+    samples = [picture for _, picture in clip.frames_at([positions[p] for p in spread])]
+
+    def fits(size: tuple[int, int]) -> bool:
+        mean = sum(len(_encode(picture, size)) for picture in samples) / len(samples)
+        return mean * len(positions) <= _RESERVE * BYTES
+
+    sizes = list(_sizes(clip))
+    return next((size for size in sizes if fits(size)), sizes[-1])
+
+
+def _sizes(clip: VideoClip) -> Iterator[tuple[int, int]]:
+    for long_side in _LONG_SIDES:
+        factor = min(1.0, long_side / max(clip.width, clip.height))
+        yield max(1, round(clip.width * factor)), max(1, round(clip.height * factor))
+
+
+def _encode(picture: Image, size: tuple[int, int]) -> bytes:
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    fine, data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    if not fine:
+        raise VideoError("a picture of the video could not be made smaller: convert the video to MP4 (H.264)")
+    return data.tobytes()

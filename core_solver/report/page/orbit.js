@@ -1,0 +1,110 @@
+// The eye of the 3D view: it circles a target. Yaw 0 looks the way the footage's camera looks.
+
+const FIELD_OF_VIEW = 0.7;  // radians, up and down
+
+function eyeOf(view) {
+  const [cosine, sine] = [Math.cos(view.pitch), Math.sin(view.pitch)];
+  const back = [Math.sin(view.yaw) * cosine, -Math.cos(view.yaw) * cosine, sine];
+  const right = [Math.cos(view.yaw), Math.sin(view.yaw), 0];
+  return { back, right, up: cross(back, right), place: add(view.target, times3(back, view.distance)) };
+}
+
+function turnView(values) {
+  const view = { ...state.view, ...values };
+  view.pitch = clamp(view.pitch, -0.3, Math.PI / 2);
+  view.distance = clamp(view.distance, 0.3, 500);
+  change({ view });
+}
+
+// Metres on the screen's plane through the target for one pixel.
+function metresPerPixel(canvas) {
+  return (2 * state.view.distance * Math.tan(FIELD_OF_VIEW / 2)) / Math.max(canvas.clientHeight, 1);
+}
+
+function moveTarget(canvas, across, down) {
+  const { right, up } = eyeOf(state.view), scale = metresPerPixel(canvas);
+  const target = add(state.view.target, add(times3(right, -across * scale), times3(up, down * scale)));
+  change({ follow: false });
+  turnView({ target });
+}
+
+// What everybody does over the take: the middle and how far it reaches, metres.
+function extentOfPeople() {
+  const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
+  for (const person of people)
+    for (let frame = 0; frame < frameCount; frame++) {
+      if (!person.valid[frame]) continue;
+      const place = jointAt(person, frame, 0);
+      for (const k of [0, 1]) [low[k], high[k]] = [Math.min(low[k], place[k]), Math.max(high[k], place[k])];
+    }
+  if (low[0] > high[0]) return { middle: add([lens.place[0], lens.place[1], 1], [0, 4, 0]), reach: 2 };
+  return { middle: [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.9], reach: Math.hypot(high[0] - low[0], high[1] - low[1]) / 2 };
+}
+
+const VIEWPOINTS = {
+  fit() {
+    const { middle, reach } = extentOfPeople();
+    return { target: middle, distance: 3.6 + 2.6 * reach, yaw: 0.55, pitch: 0.32 };
+  },
+  camera() {
+    const forward = lensAxes[2], { middle } = extentOfPeople();
+    const distance = Math.max(1, dot(subtract(middle, lens.place), forward));
+    return { target: add(lens.place, times3(forward, distance)), distance, yaw: Math.atan2(-forward[0], forward[1]), pitch: Math.asin(clamp(-forward[2], -1, 1)) };
+  },
+  side() {
+    return { ...VIEWPOINTS.fit(), yaw: Math.PI / 2, pitch: 0.06 };
+  },
+  top() {
+    return { ...VIEWPOINTS.fit(), yaw: 0, pitch: Math.PI / 2 };
+  },
+};
+
+// Mouse, pen and fingers. A press that does not move calls `tapped` with its place.
+function controlOrbit(canvas, tapped) {
+  const held = new Map();
+  let moved = 0;
+
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    if (!held.size) moved = 0;
+    held.set(event.pointerId, [event.clientX, event.clientY]);
+    canvas.parentElement.focus({ preventScroll: true });
+  });
+
+  canvas.addEventListener("pointermove", (event) => {
+    const before = held.get(event.pointerId);
+    if (!before) return;
+    const now = [event.clientX, event.clientY];
+    const [across, down] = [now[0] - before[0], now[1] - before[1]];
+    moved += Math.abs(across) + Math.abs(down);
+    if (held.size === 1) {
+      if (event.shiftKey || event.buttons & 6) moveTarget(canvas, across, down);
+      else turnView({ yaw: state.view.yaw - across * 0.008, pitch: state.view.pitch + down * 0.008 });
+    } else {
+      pinch(event.pointerId, before, now);
+    }
+    held.set(event.pointerId, now);
+  });
+
+  function pinch(id, before, now) {
+    const other = [...held].find(([key]) => key !== id)[1];
+    const spread = (place) => Math.max(8, Math.hypot(place[0] - other[0], place[1] - other[1]));
+    moveTarget(canvas, (now[0] - before[0]) / 2, (now[1] - before[1]) / 2);
+    turnView({ distance: (state.view.distance * spread(before)) / spread(now) });
+  }
+
+  function release(event) {
+    if (held.delete(event.pointerId) && event.type === "pointerup" && moved < 5 && !held.size) {
+      const box = canvas.getBoundingClientRect();
+      tapped([event.clientX - box.left, event.clientY - box.top]);
+    }
+  }
+  canvas.addEventListener("pointerup", release);
+  canvas.addEventListener("pointercancel", release);
+  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    const lines = event.deltaMode === 1 ? 16 : 1;
+    turnView({ distance: state.view.distance * Math.exp(clamp(event.deltaY * lines, -200, 200) * 0.0015) });
+  }, { passive: false });
+}
