@@ -12,6 +12,7 @@ import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from core_solver.perception.perceive import Networks, perceive
 from core_solver.progress import Progress
 from core_solver.video import VideoClip
 
-_VERSION = 1  # raise when observations change their meaning
+_VERSION = 2  # raise when observations change their meaning
 _CHUNK_FRAMES = 32
 _HEAD_BYTES = 1 << 20
 _FOLDER = "observations"
@@ -139,9 +140,11 @@ def write_chunk(path: Path, observations: Sequence[FrameObservations]) -> None:
         "time": np.array([o.frame.time for o in observations], np.float64),
         "people": np.array([len(o.detections) for o in observations], np.int64),
         "score": np.array([d.score for d in people], np.float64),
-        "mask_place": np.array([(d.mask.top, d.mask.left, *d.mask.values.shape) for d in people], np.int64),
-        "mask_values": np.concatenate([np.zeros(0, np.uint8), *(d.mask.values.ravel() for d in people)]),
+        "identity": np.array([_NOBODY if d.identity is None else d.identity for d in people], np.int64),
+        "unclaimed": np.array([len(o.unclaimed) for o in observations], np.int64),
     }
+    arrays |= _packed("mask", [d.mask for d in people])
+    arrays |= _packed("unclaimed", [mask for o in observations for mask in o.unclaimed])
     arrays |= {name: np.array([getattr(d, name) for d in people], np.float32) for name in _PER_PERSON}
     planes = [o.disparity for o in observations if o.disparity is not None]
     if len(planes) == len(observations):
@@ -156,31 +159,70 @@ def read_chunk(path: Path) -> list[FrameObservations]:
         OSError, ValueError, KeyError, EOFError, IndexError, BadZipFile: missing or damaged.
     """
     with np.load(path, allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files}
-    detections = _detections(arrays)
-    ends = np.cumsum(arrays["people"])
-    if ends[-1] != len(detections):
-        raise ValueError(f"{path.name} is damaged")
-    planes = arrays.get("disparity", [None] * len(ends))
+        arrays = _completed({name: archive[name] for name in archive.files})
+    count = len(arrays["index"])
+    people = _split(_detections(arrays), arrays["people"])
+    unclaimed = _split(_unpacked("unclaimed", arrays), arrays["unclaimed"])
+    planes = arrays.get("disparity", [None] * count)
     return [
-        FrameObservations(FrameInfo(int(index), float(time)), tuple(detections[end - people : end]), plane)
-        for index, time, people, end, plane in zip(
-            arrays["index"], arrays["time"], arrays["people"], ends, planes, strict=True
+        FrameObservations(
+            FrameInfo(int(arrays["index"][i]), float(arrays["time"][i])), people[i], planes[i], unclaimed[i]
         )
+        for i in range(count)
     ]
 
 
 _PER_PERSON = ("box", "keypoints", "confidence", "landmarks", "appearance")
+_NOBODY = -1  # stands for an identity that is not known; known ones are not negative
+
+_T = TypeVar("_T")
+
+
+def _completed(arrays: dict[str, NDArray]) -> dict[str, NDArray]:
+    """Arrays with what version 1 did not keep: then no identity was known, and nothing unclaimed."""
+    nothing = {
+        "identity": np.full(len(arrays["score"]), _NOBODY),
+        "unclaimed": np.zeros(len(arrays["index"]), np.int64),
+        **_packed("unclaimed", ()),
+    }
+    return nothing | arrays
 
 
 def _detections(arrays: dict[str, NDArray]) -> list[Detection]:
-    detections, start = [], 0
-    for i, (top, left, height, width) in enumerate(arrays["mask_place"].tolist()):
-        values = arrays["mask_values"][start : start + height * width].reshape(height, width)
+    return [
+        Detection(
+            score=float(arrays["score"][i]),
+            mask=mask,
+            identity=None if arrays["identity"][i] == _NOBODY else int(arrays["identity"][i]),
+            **{name: arrays[name][i] for name in _PER_PERSON},
+        )
+        for i, mask in enumerate(_unpacked("mask", arrays))
+    ]
+
+
+def _packed(name: str, masks: Sequence[CroppedMask]) -> dict[str, NDArray]:
+    """Masks of any sizes as two arrays: where each lies, and all their values in a row."""
+    return {
+        f"{name}_place": np.array([(m.top, m.left, *m.values.shape) for m in masks], np.int64).reshape(-1, 4),
+        f"{name}_values": np.concatenate([np.zeros(0, np.uint8), *(m.values.ravel() for m in masks)]),
+    }
+
+
+def _unpacked(name: str, arrays: dict[str, NDArray]) -> list[CroppedMask]:
+    masks, start = [], 0
+    for top, left, height, width in arrays[f"{name}_place"].tolist():
+        values = arrays[f"{name}_values"][start : start + height * width].reshape(height, width)
         start += height * width
-        rows = {name: arrays[name][i] for name in _PER_PERSON}
-        detections.append(Detection(score=float(arrays["score"][i]), mask=CroppedMask(top, left, values), **rows))
-    return detections
+        masks.append(CroppedMask(top, left, values))
+    return masks
+
+
+def _split(items: Sequence[_T], counts: NDArray) -> list[tuple[_T, ...]]:
+    """The items of each frame."""
+    ends = np.cumsum(counts)
+    if ends[-1] != len(items):
+        raise ValueError("the chunk is damaged")
+    return [tuple(items[end - count : end]) for count, end in zip(counts, ends, strict=True)]
 
 
 def _prepare(folder: Path, key: str, *, resume: bool) -> None:
@@ -217,7 +259,7 @@ def _write_atomically(path: Path, arrays: dict[str, NDArray]) -> None:
     partial = path.with_suffix(".partial")
     try:
         with partial.open("wb") as file:
-            np.savez_compressed(file, **arrays)
+            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
             file.flush()
             os.fsync(file.fileno())
         partial.replace(path)

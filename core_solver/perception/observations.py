@@ -46,9 +46,11 @@ class Detection:
         keypoints: (25, 2) pixels, in the order of `body.KEYPOINT_NAMES`.
         confidence: (25,) in [0, 1]; 0 for a keypoint that was not seen.
         landmarks: (25, 3) metres of an average-size body, axes of the camera (x right, y down, z forward as seen along
-            the person's own viewing ray), origin at the mid-hips.
+            the person's own viewing ray), origin at the mid-hips; NaN where nobody has said.
         appearance: (D,) unit vector describing clothes and skin colours.
-        mask: where the person is.
+        mask: where the person is; empty where nobody has said.
+        identity: the same number for the same person in all frames, where files given by the user say so; None for
+            somebody to be tracked.
     """
 
     score: float
@@ -58,6 +60,7 @@ class Detection:
     landmarks: Floats
     appearance: Floats
     mask: CroppedMask
+    identity: int | None = None
 
 
 @dataclass(frozen=True)
@@ -67,9 +70,11 @@ class FrameObservations:
     Attributes:
         frame: which frame.
         detections: the people, in no order.
-        disparity: (h, w) float16 in [0, 1], near = large, relative only; None without a depth network.
+        disparity: (h, w) float16 in [0, 1], near = large, relative only, NaN where unknown; None without depth.
+        unclaimed: where somebody may be whom none of the masks covers: nobody's evidence and not background either.
     """
 
     frame: FrameInfo
     detections: tuple[Detection, ...]
     disparity: NDArray[np.float16] | None
+    unclaimed: tuple[CroppedMask, ...] = ()

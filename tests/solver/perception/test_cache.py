@@ -1,5 +1,6 @@
 """Observations written, read, resumed and damaged; the networks are replaced by a counter."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from core_solver.errors import UserError
 from core_solver.perception import cache
 from core_solver.perception.cache import observe, read_chunk, read_observations, write_chunk
-from core_solver.perception.observations import FrameObservations
+from core_solver.perception.observations import CroppedMask, FrameObservations
 from core_solver.progress import SilentProgress
 from core_solver.video import VideoClip, open_video
 from tests.solver.perception.people import random_observations
@@ -87,6 +88,32 @@ def test_a_chunk_comes_back_as_written(tmp_path: Path, people: list[int], depth:
     assert len(read) == len(written)
     assert all(same(a, b) for a, b in zip(written, read, strict=True))
     assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
+
+
+def test_identities_and_unclaimed_places_come_back(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    written = [random_observations(rng, i, 2) for i in range(3)]
+    first, second = written[1].detections
+    places = (CroppedMask(3, 4, np.full((2, 5), 255, np.uint8)), CroppedMask(0, 0, np.full((1, 1), 255, np.uint8)))
+    written[1] = replace(written[1], detections=(replace(first, identity=0), second), unclaimed=places)
+    write_chunk(tmp_path / "a.npz", written)
+    read = read_chunk(tmp_path / "a.npz")
+    assert [d.identity for o in read for d in o.detections] == [None, None, 0, None, None, None]
+    assert [len(o.unclaimed) for o in read] == [0, 2, 0]
+    for found, place in zip(read[1].unclaimed, places, strict=True):
+        assert (found.top, found.left) == (place.top, place.left)
+        assert np.array_equal(found.values, place.values)
+
+
+def test_observations_of_the_first_version_can_still_be_read(tmp_path: Path) -> None:
+    written = [random_observations(np.random.default_rng(3), 0, 2)]
+    write_chunk(tmp_path / "a.npz", written)
+    with np.load(tmp_path / "a.npz") as archive:
+        old = {n: archive[n] for n in archive.files if n != "identity" and not n.startswith("unclaimed")}
+    np.savez(tmp_path / "a.npz", **old)
+    (read,) = read_chunk(tmp_path / "a.npz")
+    assert same(read, written[0])
+    assert read.unclaimed == ()
 
 
 def test_observations_can_be_read_twice_and_later(clip: VideoClip, networks, tmp_path: Path) -> None:
