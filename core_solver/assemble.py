@@ -75,9 +75,9 @@ def _person(
     betas, scale = solution.betas[index], float(solution.scales[index])
     return Person(
         id=track.id,
-        name=f"Person {track.id}",
+        name=track.name or f"Person {track.id}",
         height_m=round(scale * body.height(betas), 4),
-        colour=_colour(index),
+        colour=person_colour(index),
         theta=solution.theta[index].astype(np.float32),
         gamma=solution.gamma[index].astype(np.float32),
         betas=betas.astype(np.float32),
@@ -93,7 +93,7 @@ def _person(
     )
 
 
-def _colour(index: int) -> tuple[float, float, float]:
+def person_colour(index: int) -> tuple[float, float, float]:
     """The palette, then the same again in darker tones."""
     red, green, blue = PALETTE[index % len(PALETTE)]
     tone = 0.6 ** (index // len(PALETTE) % 3)

@@ -186,6 +186,9 @@ def _add_solve(commands: Commands) -> argparse.ArgumentParser:
     parser.add_argument("--every", type=_count, default=1, metavar="N", help="use every Nth frame")
     parser.add_argument("--people", type=_count, metavar="N", help="keep the N people seen best")
     parser.add_argument(
+        "--identities", type=Path, metavar="FILE", help="who is who: TAKE.work/identities.json with your edits"
+    )
+    parser.add_argument(
         "--depth", type=Path, metavar="MODEL", help="disparity network (.onnx), or a directory of sizes"
     )
     parser.add_argument(
@@ -247,7 +250,7 @@ def _check_solve(options: argparse.Namespace) -> None:
         raise UserError(f"nothing can be written in {output.parent}: choose another place with -o")
     if options.start_s is not None and options.end_s is not None and options.end_s <= options.start_s:
         raise UserError(f"--end {options.end_s:g} is not after --start {options.start_s:g}")
-    for path, flag in ((options.depth, "--depth"), (options.body, "--body")):
+    for path, flag in ((options.depth, "--depth"), (options.body, "--body"), (options.identities, "--identities")):
         if path is not None and not path.exists():
             raise UserError(f"there is no file {path}: check {flag}")
 

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from core_solver.assemble import Provenance, assemble_take
+from core_solver.assemble import Provenance, assemble_take, person_colour
 from core_solver.body import load_body
 from core_solver.camera import DEFAULT_FOV_DEGREES, Camera, camera_from_fov, read_camera
 from core_solver.errors import CameraError, UserError, VideoError
@@ -22,11 +22,12 @@ from core_solver.perception.store import ModelStore
 from core_solver.progress import Progress
 from core_solver.scene import aggregate
 from core_solver.take import Scene, Take, write_take
-from core_solver.tracking import Modalities, describe_left_out, track_people
+from core_solver.tracking import Modalities, describe_left_out, find_people, gather, read_edits, write_identities
 from core_solver.video import VideoClip, camera_motion, open_video
 
 GROUND_PLANE_PRIOR = "ground-plane prior"
 CLOUD_POINTS = 200_000
+IDENTITIES_FILE = "identities.json"
 
 _PRIOR_GRID = 320  # longer side of the depth map of the ground-plane prior
 _PICTURES = 25  # frames whose median gives the background's colours
@@ -48,6 +49,7 @@ class SolveOptions:
         end_s: seconds into the video.
         every: use every n-th frame.
         people: keep this many at most.
+        identities: file with the user's edits of who is who.
         depth: disparity network, a file or a directory with one file for each shape.
         networks: the user's own networks: TOML files, or names in the catalogue.
         models_dir: where models are kept.
@@ -67,6 +69,7 @@ class SolveOptions:
     end_s: float | None = None
     every: int = 1
     people: int | None = None
+    identities: Path | None = None
     depth: Path | None = None
     networks: tuple[str, ...] = ()
     models_dir: Path | None = None
@@ -85,6 +88,7 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
         UserError: anything the user can mend; an old take at `options.output` is then untouched.
     """
     check_output(options.output)
+    edits = read_edits(options.identities) if options.identities else ()
     device = choose_device(options.device)
     clip = open_video(options.video, options.start_s, options.end_s, options.every)
     camera = choose_camera(options, clip, progress)
@@ -96,7 +100,12 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
     depth_source = _depth_source(networks, clip, progress)
     observations = list(observe(clip, networks, work_directory(options.output), progress, resume=options.resume))
     size = (clip.width, clip.height)
-    modalities = track_people(observations, size, label_size(*size), people=options.people)
+    found = find_people(observations, people=options.people)
+    modalities = gather(observations, found, size, label_size(*size), edits)
+    colours = {track.id: person_colour(index) for index, track in enumerate(modalities.tracks)}
+    write_identities(
+        work_directory(options.output) / IDENTITIES_FILE, found.people, edits, modalities.frames.tolist(), colours
+    )
     _require_people(modalities, clip)
     warnings = _warnings(clip, camera, modalities, depth_source, progress)
     solution = solve(modalities, camera, body, progress, PRESETS[options.preset], device)
@@ -214,7 +223,7 @@ def _require_people(modalities: Modalities, clip: VideoClip) -> None:
         return
     seen = "people were seen too briefly" if modalities.dropped else "nobody was seen"
     raise VideoError(
-        f"{seen} in {clip.path.name}: a person must be visible for a tenth of the clip and 8 frames; "
+        f"{seen} in {clip.path.name}: a person must be visible for a tenth of the clip or 1.5 s, and 8 frames; "
         "try another part with --start and --end"
     )
 
@@ -233,7 +242,7 @@ def _warnings(
         sentences.append("The field of view is an assumption: all distances scale with it.")
     if depth_source == GROUND_PLANE_PRIOR:
         sentences.append("Without a depth network the scene is a ground plane, a prior and no measurement.")
-    sentences += describe_left_out(modalities.dropped, len(modalities.times))
+    sentences += describe_left_out(modalities.dropped)
     if len(modalities.tracks) == 1:
         sentences.append("One person alone: their size rests on the prior that people are 1.65 m tall on average.")
     for sentence in sentences[:1] if motion.is_moving else ():

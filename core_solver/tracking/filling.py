@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from core_solver.tracking.identities import Somebody
 from core_solver.tracking.repair import outlier_factor, swap_flipped_sides
 from core_solver.tracking.selection import mean_score
 from core_solver.tracking.sights import stacked
@@ -12,14 +13,15 @@ from core_solver.tracking.tracks import Track
 Array = NDArray[np.float64]
 
 
-def fill_track(person: Tracklet, track_id: int, times: Array) -> Track:
+def fill_track(somebody: Somebody, track_id: int, times: Array) -> Track:
     """Arrays over all frames of one person.
 
     Args:
-        person: the sights.
+        somebody: the sights and the name.
         track_id: positive.
         times: (T,) seconds.
     """
+    person = somebody.tracklet
     rows = np.array([s.row for s in person.sights])
     sizes = np.array([s.size for s in person.sights])
     keypoints, landmarks = stacked(person.sights, "keypoints"), stacked(person.sights, "landmarks")
@@ -43,9 +45,18 @@ def fill_track(person: Tracklet, track_id: int, times: Array) -> Track:
         valid=valid,
         keypoints=filled.astype(np.float32),
         confidence=confidence,
-        landmarks=_held(landmarks, rows, times).astype(np.float32),
+        landmarks=_known_landmarks(landmarks, rows, times).astype(np.float32),
         score=mean_score(person),
+        name=somebody.name,
     )
+
+
+def _known_landmarks(landmarks: Array, rows: NDArray[np.int64], times: Array) -> Array:
+    """Landmarks (T, 25, 3) from those sights (n, 25, 3) that have some; zeros where no sight has."""
+    known = np.isfinite(landmarks).all(axis=(1, 2))
+    if not known.any():
+        return np.zeros((len(times), *landmarks.shape[1:]))
+    return _held(landmarks[known], rows[known], times)
 
 
 def _have_both_neighbours(rows: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -5,12 +5,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core_solver.tracking.tracklets import Tracklet
 from core_solver.tracking.tracks import UNCLAIMED, DroppedTrack
 
+Array = NDArray[np.float64]
+
 MIN_FRAMES = 8
 MIN_SHARE = 0.10
+MIN_SECONDS = 1.5
+TALL = 60.0  # pixels
 
 _MIN_SCORE = 0.15
 _MIN_CONFIDENCE = 0.15
@@ -23,31 +28,44 @@ _REPORTED_FRAMES = 3  # shorter sights are flicker of the detector, not somebody
 
 @dataclass(frozen=True)
 class Selection:
-    """The people to solve, in the order of their ids, and those left out."""
+    """The people to solve, in the order of their ids, and those left out, in the order of their first sight."""
 
     people: tuple[Tracklet, ...]
-    dropped: tuple[DroppedTrack, ...]
+    left_out: tuple[Tracklet, ...]
 
 
-def required_frames(frame_count: int) -> int:
-    """Sights a person needs to be solved: 10 % of the clip and 8 frames, or all frames of a clip shorter than that."""
-    return max(math.ceil(MIN_SHARE * frame_count), min(MIN_FRAMES, frame_count))
+def required_frames(tracklet: Tracklet, times: Array) -> int:
+    """Sights a person needs to be solved.
+
+    10 % of the clip, or 1.5 s for somebody who is at least 60 pixels tall that long, if that is less (of 2 s in the
+    picture a detector misses some); never under 8 frames, except in a shorter clip.
+
+    Args:
+        tracklet: the person.
+        times: (T,) seconds.
+    """
+    count = len(times)
+    share = math.ceil(MIN_SHARE * count)
+    step = float(np.median(np.diff(times))) if count > 1 else 1.0
+    brief = max(math.ceil(MIN_SECONDS / max(step, 1e-6) - 1e-6), MIN_FRAMES)
+    is_tall = sum(s.size >= TALL for s in tracklet.sights) >= brief
+    return min(max(min(share, brief) if is_tall else share, MIN_FRAMES), count)
 
 
-def select_people(tracklets: Sequence[Tracklet], frame_count: int, people: int | None) -> Selection:
+def select_people(tracklets: Sequence[Tracklet], times: Array, people: int | None) -> Selection:
     """Choose the people to solve.
 
     Args:
         tracklets: one a candidate.
-        frame_count: T.
+        times: (T,) seconds.
         people: at most this many, the best seen ones; None for everybody.
     """
-    candidates = [t for t in tracklets if _is_person(t)]
-    long_enough = [t for t in candidates if len(t.sights) >= required_frames(frame_count)]
+    candidates = [t for t in tracklets if is_person(t)]
+    long_enough = [t for t in candidates if len(t.sights) >= required_frames(t, times)]
     limit = min(UNCLAIMED - 1, people if people is not None else UNCLAIMED - 1)
     best = sorted(long_enough, key=_prominence, reverse=True)[:limit]
-    left_out = [t for t in candidates if t not in best and len(t.sights) >= min(_REPORTED_FRAMES, frame_count)]
-    return Selection(tuple(sorted(best, key=_appearance_order)), tuple(map(_dropped, left_out)))
+    left_out = [t for t in candidates if t not in best and len(t.sights) >= min(_REPORTED_FRAMES, len(times))]
+    return Selection(tuple(sorted(best, key=_appearance_order)), tuple(sorted(left_out, key=_appearance_order)))
 
 
 def mean_score(tracklet: Tracklet) -> float:
@@ -55,7 +73,8 @@ def mean_score(tracklet: Tracklet) -> float:
     return float(np.mean([s.detection.score for s in tracklet.sights]))
 
 
-def _is_person(tracklet: Tracklet) -> bool:
+def is_person(tracklet: Tracklet) -> bool:
+    """Whether the sights together show a person and no lamp post, coat on a stand or flicker."""
     score = mean_score(tracklet)
     confidence = float(np.mean([s.detection.confidence for s in tracklet.sights]))
     if score < _MIN_SCORE or confidence < _MIN_CONFIDENCE:
@@ -82,21 +101,22 @@ def _appearance_order(tracklet: Tracklet) -> tuple[float, ...]:
     return (first.row, *map(float, first.centre))
 
 
-def _dropped(tracklet: Tracklet) -> DroppedTrack:
+def describe_dropped(tracklet: Tracklet, times: Array) -> DroppedTrack:
+    """Somebody who is left out, in numbers for the summary."""
     boxes = np.stack([s.detection.box for s in tracklet.sights]).astype(float)
     u, v = (boxes[:, :2] + boxes[:, 2:]).mean(axis=0) / 2
-    return DroppedTrack(tracklet.sights[0].row, len(tracklet.sights), (float(u), float(v)))
+    needed = required_frames(tracklet, times)
+    return DroppedTrack(tracklet.sights[0].row, len(tracklet.sights), (float(u), float(v)), needed)
 
 
-def describe_left_out(dropped: Sequence[DroppedTrack], frame_count: int) -> list[str]:
+def describe_left_out(dropped: Sequence[DroppedTrack]) -> list[str]:
     """A sentence for each person left out: who, and why. Frames are those of the take, counted from 0."""
-    needed = required_frames(frame_count)
-    return [_sentence(person, needed) for person in dropped]
+    return [_sentence(person) for person in dropped]
 
 
-def _sentence(person: DroppedTrack, needed: int) -> str:
+def _sentence(person: DroppedTrack) -> str:
     u, v = person.position
     who = f"Somebody near pixel ({u:.0f}, {v:.0f}), first seen in frame {person.first_frame}, was left out:"
-    if person.frame_count < needed:
-        return f"{who} seen in {person.frame_count} frames, {needed} are needed."
+    if person.frame_count < person.needed:
+        return f"{who} seen in {person.frame_count} frames, {person.needed} are needed."
     return f"{who} others were seen better."

@@ -22,6 +22,7 @@ class Track:
         confidence: (T, 25) in [0, 1]; 0 where not valid.
         landmarks: (T, 25, 3) metres of an average body, camera axes, origin mid-hips; interpolated where not valid.
         score: mean detection score over the valid frames.
+        name: given by the user; empty for the default one.
     """
 
     id: int
@@ -30,21 +31,24 @@ class Track:
     confidence: Floats
     landmarks: Floats
     score: float
+    name: str = ""
 
 
 @dataclass(frozen=True)
 class DroppedTrack:
-    """Somebody seen too briefly to be solved.
+    """Somebody who is not solved, because they were seen too briefly or others better.
 
     Attributes:
         first_frame: take frame of the first sight.
         frame_count: frames in which the person was seen.
         position: (2,) mean pixel of the box centre.
+        needed: frames in which a person must be seen to be solved.
     """
 
     first_frame: int
     frame_count: int
     position: tuple[float, float]
+    needed: int
 
 
 @dataclass(frozen=True)

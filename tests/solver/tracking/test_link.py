@@ -172,7 +172,7 @@ def test_people_seen_too_briefly_are_left_out_and_named(seen_frames, total, kept
         left_out = result.dropped[0]
         assert (left_out.first_frame, left_out.frame_count) == (10, seen_frames)
         assert left_out.position == pytest.approx((480, 240), abs=12)
-        (sentence,) = describe_left_out(result.dropped, total)
+        (sentence,) = describe_left_out(result.dropped)
         assert f"seen in {seen_frames} frames, {seen_frames + 1} are needed" in sentence
 
 
@@ -186,7 +186,7 @@ def test_people_keeps_the_best_seen():
     assert identities(result, walkers) == [{1}]
     assert [t.id for t in result.tracks] == [1]
     assert len(result.dropped) == 2
-    assert all("seen better" in sentence for sentence in describe_left_out(result.dropped, 90))
+    assert all("seen better" in sentence for sentence in describe_left_out(result.dropped))
 
 
 def test_nobody_at_all():
