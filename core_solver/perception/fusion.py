@@ -14,6 +14,8 @@ Floats = NDArray[np.float32]
 _LEAST_PRESENCE = 0.5
 _GROSS = 0.14  # of the person's size: mean distance at which the two networks see different things
 _TOLERANCE, _DOUBT = 0.03, 0.05  # of the person's size: distance without doubt, and the fall beyond it
+_TOLERANCE_PX = 3.0  # MoveNet itself is no better than this for small people
+_ALONE = 0.25  # MoveNet's score from which it is believed without BlazePose; lamp posts and bushes stay below
 _CERTAIN = 0.3  # MoveNet's keypoint score from which its opinion counts in full
 
 _MOVENET_WEIGHT = 2.0  # its scores run to about 0.8, BlazePose's visibility to 1
@@ -24,10 +26,14 @@ _WITNESS = np.array([*range(COCO_COUNT), 15, 16, 15, 16, 9, 10, 9, 10])
 _MASK_EDGE = 25  # of 255: cells below are outside
 _MASK_INSIDE = 128
 _LEAST_OWN = 0.3  # of a person's cells
+_MOST_BORROWED = 0.6  # of a person's keypoints
 
 
 def fuse(pose: Pose, body: BodyLandmarks, picture: tuple[int, int], labels: tuple[int, int]) -> Detection | None:
-    """One person, or None where the two networks do not mean the same person or there is none.
+    """One person, or None where there is none.
+
+    BlazePose loses people who are half hidden or small, and slides to their neighbours. Where it does not mean the same
+    person, MoveNet alone is believed if it is sure: such a person has no landmarks, no hands and feet, and no mask.
 
     Args:
         pose: MoveNet's.
@@ -35,14 +41,11 @@ def fuse(pose: Pose, body: BodyLandmarks, picture: tuple[int, int], labels: tupl
         picture: (width, height) of the frame.
         labels: (width, height) of the label grid.
     """
-    if body.presence < _LEAST_PRESENCE:
-        return None
     # Someone taken from the wrong side is still someone.
-    if min(disagreement(pose, body), disagreement(pose, body, mirrored=True)) > _GROSS:
-        return None
+    difference = min(disagreement(pose, body), disagreement(pose, body, mirrored=True))
     mask = warp_mask(body, picture, labels)
-    if mask.values.size == 0:
-        return None
+    if body.presence < _LEAST_PRESENCE or difference > _GROSS or mask.values.size == 0:
+        return _movenet_alone(pose, body, picture) if pose.score >= _ALONE else None
     keypoints, confidence = blended_keypoints(pose, body, picture)
     in_crop = transform(inverse(body.roi.crop_to_image()), body.keypoints)
     return Detection(
@@ -56,6 +59,23 @@ def fuse(pose: Pose, body: BodyLandmarks, picture: tuple[int, int], labels: tupl
     )
 
 
+def _movenet_alone(pose: Pose, body: BodyLandmarks, picture: tuple[int, int]) -> Detection:
+    """What MoveNet saw, with its own confidence."""
+    keypoints = np.concatenate([pose.keypoints, pose.keypoints[_WITNESS[COCO_COUNT:]]])
+    confidence = np.zeros(len(_WITNESS), np.float32)
+    confidence[:COCO_COUNT] = pose.confidence * np.all((pose.keypoints >= 0) & (pose.keypoints < picture), axis=1)
+    in_crop = transform(inverse(body.roi.crop_to_image()), keypoints).astype(np.float32)
+    return Detection(
+        score=pose.score,
+        box=_box(pose, keypoints[confidence > 0.3], picture),
+        keypoints=keypoints.astype(np.float32),
+        confidence=confidence,
+        landmarks=np.full((len(_WITNESS), 3), np.nan, np.float32),
+        appearance=describe_clothes(body.crop, np.ones_like(body.mask), in_crop),
+        mask=CroppedMask(0, 0, np.zeros((0, 0), np.uint8)),
+    )
+
+
 def blended_keypoints(pose: Pose, body: BodyLandmarks, picture: tuple[int, int]) -> tuple[Floats, Floats]:
     """Keypoints (25, 2) between both networks' and their confidence (25,).
 
@@ -64,7 +84,8 @@ def blended_keypoints(pose: Pose, body: BodyLandmarks, picture: tuple[int, int])
     """
     difference = pose.keypoints - body.keypoints[:COCO_COUNT]
     distance = np.linalg.norm(difference, axis=1) / person_size(pose)
-    agreement = np.exp(-0.5 * (np.maximum(distance - _TOLERANCE, 0) / _DOUBT) ** 2)
+    tolerance = max(_TOLERANCE, _TOLERANCE_PX / person_size(pose))
+    agreement = np.exp(-0.5 * (np.maximum(distance - tolerance, 0) / _DOUBT) ** 2)
     weight = agreement * _MOVENET_WEIGHT * pose.confidence
     share = weight / (weight + body.visibility[:COCO_COUNT] + 1e-6)
     keypoints = body.keypoints + (difference * share[:, None])[_WITNESS]
@@ -94,7 +115,8 @@ def without_doubles(detections: list[Detection], labels: tuple[int, int]) -> tup
     """One detection a person, surest first.
 
     Two finds may turn out to be the same person once BlazePose has looked closer, or a find may be a mixture of two
-    neighbours: either claims hardly any cells of the label grid (width, height) that a surer one does not claim.
+    neighbours: either claims hardly any cells of the label grid (width, height) that a surer one does not claim, or
+    stands on the joints of surer ones.
     """
     kept: list[Detection] = []
     claimed = np.zeros((labels[1], labels[0]), bool)
@@ -102,12 +124,25 @@ def without_doubles(detections: list[Detection], labels: tuple[int, int]) -> tup
         inside = one.mask.values >= _MASK_INSIDE
         rows, columns = inside.shape
         place = claimed[one.mask.top : one.mask.top + rows, one.mask.left : one.mask.left + columns]
-        of_its_own = np.count_nonzero(inside & ~place) / max(np.count_nonzero(inside), 1)
-        if of_its_own < _LEAST_OWN or any(same_person(_as_pose(one), _as_pose(other)) for other in kept):
+        of_its_own = np.count_nonzero(inside & ~place) / np.count_nonzero(inside) if inside.any() else 1.0
+        if of_its_own < _LEAST_OWN or _borrowed(one, kept) > _MOST_BORROWED:
             continue
         place |= inside
         kept.append(one)
     return tuple(kept)
+
+
+def _borrowed(one: Detection, kept: list[Detection]) -> float:
+    """Share of a detection's keypoints that lie on the same keypoints of surer people; 1 for one of them again."""
+    if any(same_person(_as_pose(one), _as_pose(other)) for other in kept):
+        return 1.0
+    seen = one.confidence[:COCO_COUNT] > _CERTAIN
+    if not kept or not seen.any():
+        return 0.0
+    others = np.stack([other.keypoints[:COCO_COUNT] for other in kept])
+    apart = np.linalg.norm(others - one.keypoints[:COCO_COUNT], axis=-1) / person_size(_as_pose(one))
+    sure = np.stack([other.confidence[:COCO_COUNT] for other in kept]) > _CERTAIN
+    return float(np.mean(((apart < _TOLERANCE) & sure).any(axis=0)[seen]))
 
 
 def _as_pose(detection: Detection) -> Pose:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core_solver.perception.blazepose import MIRRORED, MIRRORED_COCO
+from core_solver.perception.blazepose import MIRRORED, MIRRORED_COCO, BodyLandmarks
 from core_solver.perception.fusion import blended_keypoints, fuse, warp_mask, without_doubles
 from core_solver.perception.multipose import Pose
 from core_solver.perception.observations import Detection
@@ -73,13 +73,43 @@ def test_keypoints_outside_the_picture_were_not_seen() -> None:
     np.testing.assert_array_equal(blended_keypoints(pose, body, PICTURE)[1] == 0, outside)
 
 
-def test_different_things_and_empty_crops_are_no_person() -> None:
-    pose = standing_pose(300, 100)
-    body = standing_body(pose)
-    elsewhere = replace(body, keypoints=body.keypoints + np.float32([90, 0]))
-    assert fuse(pose, elsewhere, PICTURE, LABELS) is None
-    assert fuse(pose, replace(body, presence=0.1), PICTURE, LABELS) is None
-    assert fuse(pose, replace(body, mask=np.zeros((256, 256), np.float32)), PICTURE, LABELS) is None
+def spoiled(body: BodyLandmarks) -> list[BodyLandmarks]:
+    """Answers that do not mean this person."""
+    return [
+        replace(body, keypoints=body.keypoints + np.float32([90, 0])),
+        replace(body, presence=0.1),
+        replace(body, mask=np.zeros((256, 256), np.float32)),
+    ]
+
+
+def test_without_a_second_opinion_an_unsure_find_is_nobody() -> None:
+    pose = standing_pose(300, 100, 0.2)
+    assert all(fuse(pose, body, PICTURE, LABELS) is None for body in spoiled(standing_body(pose)))
+
+
+def test_a_sure_find_stands_alone_without_landmarks_hands_and_feet() -> None:
+    pose = standing_pose(300, 100, 0.4)
+    for body in spoiled(standing_body(pose)):
+        detection = fuse(pose, body, PICTURE, LABELS)
+        assert detection is not None
+        np.testing.assert_allclose(detection.keypoints[:17], pose.keypoints)
+        np.testing.assert_allclose(detection.confidence[:17], pose.confidence)
+        assert not detection.confidence[17:].any()
+        assert np.isnan(detection.landmarks).all()
+        assert detection.mask.values.size == 0
+
+
+def test_someone_without_a_mask_who_stands_on_the_joints_of_two_others_is_a_mixture() -> None:
+    left, right = seen(standing_pose(250, 100, 0.6), standing_pose(440, 100, 0.5))
+    pose = standing_pose(250, 100, 0.3)
+    pose.keypoints[1::2] = standing_pose(440, 100).keypoints[1::2]
+    mixture = fuse(pose, replace(standing_body(pose), presence=0.1), PICTURE, LABELS)
+    assert mixture is not None
+    assert without_doubles([left, mixture, right], LABELS) == (left, right)
+    pose = standing_pose(345, 100, 0.3)
+    behind = fuse(pose, replace(standing_body(pose), presence=0.1), PICTURE, LABELS)
+    assert behind is not None
+    assert without_doubles([left, behind, right], LABELS) == (left, right, behind)
 
 
 def test_someone_taken_from_behind_stays_but_in_doubt() -> None:
