@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from core_solver.evaluation.matlab import MatlabError, NewerMatlabError, read_variable
 from core_solver.evaluation.metrics import Array
 from core_solver.evaluation.mupots import PELVIS, OfficialScores, official_scores
 from core_solver.evaluation.real_truth import RealTruth, TruthError, middle_of_hips
@@ -82,22 +83,19 @@ def read_mupots(directory: Path) -> MupotsSequence:
     cells = _read_cells(directory / ANNOTATIONS, where)
     try:
         return _assemble(directory.name, cells)
-    except (KeyError, IndexError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise TruthError(f"{where}: not as MuPoTS-3D has it ({error}): get the file again") from error
 
 
 def _read_cells(path: Path, where: str) -> np.ndarray:
-    from scipy.io import loadmat  # noqa: PLC0415 - slow to import, and only this reader needs it
-
     try:
-        document = loadmat(path)
-    except NotImplementedError as error:
+        cells = read_variable(path.read_bytes(), "annotations")
+    except NewerMatlabError as error:
         raise TruthError(f"{where}: saved as MATLAB 7.3: save it again in MATLAB with the option -v7") from error
-    except Exception as error:  # a damaged file raises almost anything
-        raise TruthError(f"{where}: not a readable MATLAB file: get it again") from error
-    cells = document.get("annotations")
-    if not isinstance(cells, np.ndarray) or cells.dtype != object or cells.ndim != 2 or cells.size == 0:
-        raise TruthError(f"{where}: it has no cell array `annotations`: get the file again")
+    except (OSError, MatlabError) as error:
+        raise TruthError(f"{where}: not a readable MATLAB file ({error}): get it again") from error
+    if cells.dtype != object or cells.ndim != 2 or cells.size == 0:
+        raise TruthError(f"{where}: `annotations` is no cell array of frames and people: get the file again")
     return cells
 
 
@@ -107,8 +105,8 @@ def _assemble(name: str, cells: np.ndarray) -> MupotsSequence:
     true, standard = np.full((2, people, frames, 17, 3), np.nan)
     annotated = np.zeros((people, frames), bool)
     for frame, person in np.ndindex(frames, people):
-        cell = cells[frame, person]
-        if cell.size == 0 or not np.any(_field(cell, "isValidFrame")):
+        cell = _struct(cells[frame, person])
+        if cell is None or not np.any(cell["isValidFrame"]):
             continue
         annotated[person, frame] = True
         pixels[person, frame] = _joints(cell, "annot2", 2)
@@ -128,16 +126,18 @@ def _assemble(name: str, cells: np.ndarray) -> MupotsSequence:
     return MupotsSequence(truth, standard, pixels, annotated)
 
 
-def _field(cell: Any, name: str) -> np.ndarray:
-    """A field of a 1x1 struct."""
-    if cell.dtype.names is None or name not in cell.dtype.names:
-        raise KeyError(name)
-    return np.asarray(cell[name].flat[0])
+def _struct(cell: Any) -> dict[str, np.ndarray] | None:
+    """The fields of a cell that holds a 1x1 struct, None of an empty cell."""
+    if cell.size == 0:
+        return None
+    if cell.shape != (1, 1) or not isinstance(cell[0, 0], dict):
+        raise TypeError("a cell holds no struct")
+    return cell[0, 0]
 
 
-def _joints(cell: Any, name: str, axes: int) -> Array:
+def _joints(cell: dict[str, np.ndarray], name: str, axes: int) -> Array:
     """(17, axes)."""
-    values = _field(cell, name).astype(float)
+    values = cell[name].astype(float)
     if values.shape != (axes, 17):
         raise ValueError(f"{name} has the shape {values.shape} instead of {(axes, 17)}")
     return values.T
