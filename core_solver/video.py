@@ -206,9 +206,9 @@ def _within(
 
 # --- Does the camera stand still? ---------------------------------------------------------------------------------
 
-_MOTION_LONG_SIDE = 640  # pixels; corners are tracked on pictures of this size
+MOTION_LONG_SIDE = 640  # pixels; corners are tracked on pictures of this size
 _MOVING_SHARE = 0.01  # of the image diagonal
-_ENOUGH_CORNERS = 12
+ENOUGH_CORNERS = 12
 _ROUND_TRIP_PX = 1.0
 
 
@@ -245,10 +245,10 @@ def camera_motion(images: Sequence[Image], people: Sequence[NDArray[np.float32]]
     """
     height, width = images[0].shape[:2]
     diagonal = float(np.hypot(height, width))
-    scale = min(1.0, _MOTION_LONG_SIDE / max(height, width))
-    greys = [_small_grey(image, scale) for image in images]
-    corners = _background_corners(greys[0], people, scale)
-    if len(corners) < _ENOUGH_CORNERS:
+    scale = min(1.0, MOTION_LONG_SIDE / max(height, width))
+    greys = [small_grey(image, scale) for image in images]
+    corners = background_corners(greys[0], people, scale)
+    if len(corners) < ENOUGH_CORNERS:
         return CameraMotion(0.0, 0.0, 0.0, diagonal)
     image_corners = np.array([[0, 0], [width, 0], [0, height], [width, height]]) * scale
     shifts, lost, guess = [np.zeros(4)], 0, np.eye(2, 3)
@@ -265,12 +265,14 @@ def camera_motion(images: Sequence[Image], people: Sequence[NDArray[np.float32]]
     )
 
 
-def _small_grey(image: Image, scale: float) -> Image:
+def small_grey(image: Image, scale: float) -> Image:
+    """A (H, W, 3) BGR picture in grey and smaller."""
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     return cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)  # type: ignore[return-value]
 
 
-def _background_corners(grey: Image, people: Sequence[NDArray[np.float32]] | None, scale: float) -> NDArray[np.float32]:
+def background_corners(grey: Image, people: Sequence[NDArray[np.float32]] | None, scale: float) -> NDArray[np.float32]:
+    """Corners (n, 2) of a small grey picture, from OpenCV's first pixel centre, outside people's boxes in the large."""
     allowed = np.full(grey.shape, 255, np.uint8)
     for box in () if people is None else people:
         left, top, right, bottom = (max(int(x * scale), 0) for x in box)
@@ -279,20 +281,28 @@ def _background_corners(grey: Image, people: Sequence[NDArray[np.float32]] | Non
     return np.zeros((0, 2), np.float32) if found is None else found.reshape(-1, 2).astype(np.float32)
 
 
+def follow_corners(
+    first: Image, other: Image, corners: NDArray[np.float32], predicted: NDArray[np.float64]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Where corners (n, 2) of the first grey picture lie in the other, and (n,) which of them came back from there."""
+    window = {"winSize": (21, 21), "maxLevel": 4, "flags": cv2.OPTFLOW_USE_INITIAL_FLOW}
+    guess = predicted.astype(np.float32)
+    there, found, _ = cv2.calcOpticalFlowPyrLK(first, other, corners, guess, **window)  # type: ignore[call-overload]
+    back, returned, _ = cv2.calcOpticalFlowPyrLK(other, first, there, corners.copy(), **window)  # type: ignore[call-overload]
+    good = (found.ravel() > 0) & (returned.ravel() > 0)
+    good &= np.linalg.norm(back - corners, axis=1) < _ROUND_TRIP_PX
+    return np.asarray(there, np.float32), good
+
+
 def _dominant_motion(
     first: Image, other: Image, corners: NDArray[np.float32], guess: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
     """(2, 3) affine map that carries most corners from the first picture to the other; None if they are not found."""
-    predicted = _apply(guess, corners).astype(np.float32)
-    window = {"winSize": (21, 21), "maxLevel": 4, "flags": cv2.OPTFLOW_USE_INITIAL_FLOW}
-    there, found, _ = cv2.calcOpticalFlowPyrLK(first, other, corners, predicted.copy(), **window)  # type: ignore[call-overload]
-    back, returned, _ = cv2.calcOpticalFlowPyrLK(other, first, there, corners.copy(), **window)  # type: ignore[call-overload]
-    good = (found.ravel() > 0) & (returned.ravel() > 0)
-    good &= np.linalg.norm(back - corners, axis=1) < _ROUND_TRIP_PX
-    if good.sum() < max(_ENOUGH_CORNERS, 0.1 * len(corners)):
+    there, good = follow_corners(first, other, corners, _apply(guess, corners))
+    if good.sum() < max(ENOUGH_CORNERS, 0.1 * len(corners)):
         return None
     motion, inliers = cv2.estimateAffine2D(corners[good], there[good], ransacReprojThreshold=2.0)
-    if motion is None or inliers.sum() < _ENOUGH_CORNERS / 2:
+    if motion is None or inliers.sum() < ENOUGH_CORNERS / 2:
         return None
     return np.asarray(motion, float)
 

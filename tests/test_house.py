@@ -28,7 +28,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("camera", "body"),
     ("perception.observations", "tracking.tracks"),
     ("energy", "raster", "video", "camera_metadata"),
-    ("perception", "tracking", "scene", "preview"),
+    ("perception", "tracking", "scene", "stabilise", "preview"),
     ("optimise",),  # its stages draw on `scene` for samples of the floor and for contacts
     ("assemble",),
     ("interchange", "evaluation", "inspection", "console", "report"),
