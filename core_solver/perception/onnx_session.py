@@ -39,13 +39,7 @@ def open_session(path: Path, device: str = "cpu") -> onnxruntime.InferenceSessio
 
 
 def providers(device: str, name: str) -> list[str]:
-    """What onnxruntime shall run on, first choice first, for a network of this name.
-
-    Raises:
-        ModelError: no such device.
-    """
-    if device not in ("auto", "cpu", "cuda"):
-        raise ModelError(f'no device is called "{device}": allowed are "auto", "cpu", "cuda"')
+    """What onnxruntime shall run on, first choice first, for a network of this name."""
     has_cuda = "CUDAExecutionProvider" in onnxruntime.get_available_providers()
     if device == "cuda" and not has_cuda:
         _log.warning(

@@ -46,7 +46,7 @@ def read_yolo_end2end(predictions: Floats, score: float, overlap: float) -> Foun
 
 
 def _points(flat: Floats) -> Floats:
-    return flat.reshape(len(flat), -1, 3)
+    return flat.reshape(len(flat), flat.shape[1] // 3, 3)
 
 
 def _chosen(scores: Floats, boxes: Floats, points: Floats, score: float, overlap: float) -> FoundPeople:

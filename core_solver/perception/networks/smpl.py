@@ -33,9 +33,12 @@ def read_rotations(pose: NDArray, orient: NDArray | None, form: str) -> Array:
         ValueError: the numbers are not those of 24 or 22 joints.
     """
     parts = [pose] if orient is None else [orient, pose]
-    if any(part[0].size % _NUMBERS[form] for part in parts if len(part)):
+    numbers = _NUMBERS[form]
+    counts = [math.prod(part.shape[1:]) for part in parts]
+    if any(count % numbers for count in counts):
         raise ValueError(f'{_shapes(parts)} are no rotations of the form "{form}"')
-    matrices = np.concatenate([_matrices(part.reshape(len(part), -1, _NUMBERS[form]), form) for part in parts], axis=1)
+    joints = [part.reshape(len(part), n // numbers, numbers) for part, n in zip(parts, counts, strict=True)]
+    matrices = np.concatenate([_matrices(part, form) for part in joints], axis=1)
     count = matrices.shape[1]
     if count not in (_JOINTS, _WITHOUT_HANDS):
         raise ValueError(f"{_shapes(parts)} are {count} joints: {_JOINTS} or {_WITHOUT_HANDS} are wanted")

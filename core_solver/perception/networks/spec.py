@@ -173,7 +173,7 @@ def _decoder(network: Mapping[str, Any], path: Path) -> str:
     task = network.get("task")
     if task not in TASKS:
         found = "is missing" if task is None else f"is {_shown(task)}"
-        raise ModelError(f"{path.name}: the key 'task' {found}: allowed are {_listed(TASKS)}")
+        raise ModelError(f"{path.name}: the key 'task' {found}: allowed {_listed(TASKS)}")
     decoder, choices = network.get("decoder"), decoders_of(task)
     if decoder is None and len(choices) == 1:
         return choices[0]
