@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
@@ -92,6 +93,11 @@ class GivenDepth:
     is_metric: bool
     low: float = 0.0
     high: float = 1.0
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """(h, w) of what `read` gives for the first frame."""
+        return self.read(min(self.planes.numbers)).shape
 
     def read(self, number: int) -> NDArray[np.float16]:
         """Normalised disparity (h, w) in [0, 1], near = large, NaN where unknown, edges sharpened.

@@ -67,6 +67,12 @@ def as_whole_number(value: Any) -> int | None:
     return int(value) if abs(value) < 2**53 and value == int(value) else None
 
 
+def as_identity(value: Any) -> int | None:
+    """Whose id this is; None for what is no id, and for the -1 that programs write for nobody known."""
+    number = as_whole_number(value)
+    return number if number is not None and number >= 0 else None
+
+
 def read_png(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """The pixels of a PNG file: (h, w), or (h, w, 3) or (h, w, 4) in the order blue, green, red, alpha.
 

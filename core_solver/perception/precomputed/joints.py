@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core_solver.errors import UserError
-from core_solver.perception.precomputed.files import as_numbers, as_whole_number, read_json
+from core_solver.perception.precomputed.files import as_identity, as_numbers, as_whole_number, read_json
 from core_solver.perception.precomputed.joint_tables import OPENPOSE_TABLES, RESULT_TABLES, our_keypoints
 from core_solver.perception.precomputed.numbering import frame_numbers
 
@@ -105,17 +105,11 @@ def _read_openpose(frames: Mapping[Path, dict[str, Any]]) -> GivenJoints:
         if not isinstance(listed, list) or not all(isinstance(entry, dict) for entry in listed):
             raise UserError(f'{file}: "people" must be a list of tables: write it again with OpenPose')
         found = [
-            _person(entry.get("pose_keypoints_2d"), OPENPOSE_TABLES, file, None, _openpose_id(entry))
+            _person(entry.get("pose_keypoints_2d"), OPENPOSE_TABLES, file, None, as_identity(entry.get("person_id")))
             for entry in listed
         ]
         people[number] = tuple(p for p in found if p is not None)
     return GivenJoints(people, names_empty_frames=True)
-
-
-def _openpose_id(entry: dict[str, Any]) -> int | None:
-    """OpenPose writes -1 for somebody who is not tracked."""
-    number = as_whole_number(entry.get("person_id"))
-    return number if number is not None and number >= 0 else None
 
 
 def _read_results(entries: Any, images: Any, file: Path) -> GivenJoints:
@@ -126,7 +120,7 @@ def _read_results(entries: Any, images: Any, file: Path) -> GivenJoints:
     numbers = image_numbers([entry.get("image_id") for entry in persons], names, file)
     people: dict[int, tuple[GivenPerson, ...]] = {}
     for number, entry in zip(numbers, persons, strict=True):
-        identity = as_whole_number(entry.get("idx", entry.get("track_id")))
+        identity = as_identity(entry.get("idx", entry.get("track_id")))
         person = _person(entry.get("keypoints"), RESULT_TABLES, file, entry.get("score"), identity)
         people[number] = people.get(number, ()) + ((person,) if person is not None else ())
     return GivenJoints(people, names_empty_frames=False, size=size)

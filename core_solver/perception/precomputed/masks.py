@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core_solver.errors import UserError
-from core_solver.perception.precomputed.files import as_whole_number, read_json, read_png
+from core_solver.perception.precomputed.files import as_identity, read_json, read_png
 from core_solver.perception.precomputed.joints import image_numbers, read_images
 from core_solver.perception.precomputed.numbering import frame_numbers
 from core_solver.perception.precomputed.rle import decode_rle
@@ -213,7 +213,7 @@ def _read_rle(file: Path) -> RunLengthMasks:
     numbers = image_numbers([entry.get("image_id") for entry in persons], names, file)
     entries: dict[int, tuple[tuple[Any, int | None], ...]] = {}
     for number, entry in zip(numbers, persons, strict=True):
-        identity = as_whole_number(entry.get("track_id"))
+        identity = as_identity(entry.get("track_id"))
         entries[number] = (*entries.get(number, ()), (entry.get("segmentation"), identity))
     if not entries:
         raise UserError(f"{file} holds no mask of a person: take it away or write it again")

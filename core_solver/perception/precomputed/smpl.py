@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core_solver.body.kinematics import pose_joints, skin
 from core_solver.body.model import BodyModel
 from core_solver.errors import UserError
-from core_solver.perception.precomputed.files import as_numbers, as_whole_number, read_archive
+from core_solver.perception.precomputed.files import as_identity, as_numbers, as_whole_number, read_archive
 from core_solver.perception.precomputed.numbering import frame_numbers
 
 Array = NDArray[np.float64]
@@ -193,7 +193,7 @@ def _identities(results: Mapping[str, Any], count: int) -> list[int | None]:
     given = next((results[n] for n in _ID_NAMES if results.get(n) is not None), None)
     if given is None:
         return [None] * count
-    numbers = [as_whole_number(value) for value in np.ravel(np.asarray(given)).tolist()]
+    numbers = [as_identity(value) for value in np.ravel(np.asarray(given)).tolist()]
     return numbers if len(numbers) == count else [None] * count
 
 
