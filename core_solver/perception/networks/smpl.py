@@ -76,6 +76,8 @@ def _nearest_rotation(matrices: Array) -> Array:
 
 def posed_keypoints(rotations: Array, body: BodyModel, axes: str) -> Array:
     """The neutral body's keypoints (N, 25, 3) in poses (N, 24, 3, 3): metres, camera's axes, origin at the mid-hips."""
+    if len(rotations) == 0:
+        return np.zeros((0, len(body.keypoint_regressor), 3))
     joints = body.rest_joints(body.neutral_betas)
     turns, positions = pose_joints(rotvec_from_matrix(rotations), joints)
     points = skin(body.rest_keypoints(body.neutral_betas), body.keypoint_weights, turns, positions, joints)
