@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from core_solver import __version__
 from core_solver.camera import camera_from_model
 from core_solver.geometry import Similarity, world_from_camera
 from core_solver.report.evidence import Reprojection
@@ -158,7 +157,6 @@ def _facts(take: Take) -> tuple[tuple[str, str], ...]:
         ("Depth from", meta.depth_source),
         ("Body", meta.body_model),
         ("Solver", f"{meta.solver_version}, preset {meta.preset}"),
-        ("Report", __version__),
     )
 
 

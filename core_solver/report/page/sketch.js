@@ -22,8 +22,8 @@ function sketchSkeletons(context, project, thickness = THICKNESS) {
 
 function sketchBone(context, { person, child, a, b }, thickness) {
   const width = Math.max(2, ((a[3] + b[3]) / 2) * thickness);
-  const foot = FEET.indexOf(child);
-  const rests = foot >= 0 && person.contacts[2 * state.frame + (foot >> 1)] > 127;
+  const foot = [joint.left_foot, joint.right_foot].indexOf(child);
+  const rests = foot >= 0 && person.contacts[2 * state.frame + foot] > 127;
   context.globalAlpha = isFaded(person) ? 0.25 : 1;
   context.setLineDash(isFilled(person) ? [width, 2 * width] : []);
   for (const [paint, wide] of [["#0008", width + 2], [rests ? "#fff" : person.css, width]]) {
