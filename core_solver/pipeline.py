@@ -100,7 +100,7 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
     depth_source = _depth_source(networks, clip, progress)
     observations = list(observe(clip, networks, work_directory(options.output), progress, resume=options.resume))
     size = (clip.width, clip.height)
-    found = find_people(observations, people=options.people)
+    found = find_people(observations, size, people=options.people)
     modalities = gather(observations, found, size, label_size(*size), edits)
     colours = {track.id: person_colour(index) for index, track in enumerate(modalities.tracks)}
     write_identities(

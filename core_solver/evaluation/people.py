@@ -14,17 +14,13 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from core_solver.errors import UserError
-from core_solver.tracking.tracks import Modalities, Track
+from core_solver.tracking.identities import Somebody
 
 Array = NDArray[np.float64]
 
 LEAST_HEIGHT = 60.0  # pixels
-LEAST_OVERLAP = 0.4  # intersection over union; a box around keypoints is narrower than one around clothes and bags
+LEAST_OVERLAP = 0.4  # intersection over union; a box around joints is narrower than one around clothes and bags
 
-_SEEN = 0.0  # keypoint confidence above which a point is in the picture, if in doubt
-_LEAST_KEYPOINTS = 4
-# What lies beyond the outermost keypoints, of the hull's height: the crown above the eyes, flesh around the joints.
-_CROWN, _SOLE, _FLESH = 0.08, 0.02, 0.03
 _KEEPS = 1.0  # of overlap: the pair of the frame before is kept where it still fits
 
 
@@ -126,14 +122,17 @@ def read_people(path: Path) -> PeopleReference:
     return PeopleReference((width, height), frames)
 
 
-def track_boxes(modalities: Modalities) -> dict[int, dict[int, Array]]:
-    """{frame of the video: {track id: box (4,)}} where tracks are seen; boxes stand round the seen keypoints."""
-    boxes: dict[int, dict[int, Array]] = {int(frame): {} for frame in modalities.frames}
-    for track in modalities.tracks:
-        for row in np.flatnonzero(track.valid):
-            box = _box(track, int(row), modalities.image_size)
-            if box is not None:
-                boxes[int(modalities.frames[row])][track.id] = box
+def people_boxes(people: Mapping[int, Somebody], frames: Sequence[int]) -> dict[int, dict[int, Array]]:
+    """{frame of the video: {id: box (4,)}} of the people who are solved, where they were seen.
+
+    Args:
+        people: by id.
+        frames: (T,) number in the video of every row.
+    """
+    boxes: dict[int, dict[int, Array]] = {int(frame): {} for frame in frames}
+    for number, somebody in people.items():
+        for sight in somebody.tracklet.sights if somebody.solved else ():
+            boxes[int(frames[sight.row])][number] = sight.detection.box.astype(float)
     return boxes
 
 
@@ -225,14 +224,3 @@ def _overlap(a: Array, b: Array) -> float:
     size = np.maximum(np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2]), 0)
     both = float(size.prod())
     return both / max(float((a[2:] - a[:2]).prod() + (b[2:] - b[:2]).prod()) - both, 1e-9)
-
-
-def _box(track: Track, row: int, image_size: tuple[int, int]) -> Array | None:
-    """Round the seen keypoints and what lies beyond them, inside the picture."""
-    seen = track.keypoints[row][track.confidence[row] > _SEEN].astype(float)
-    if len(seen) < _LEAST_KEYPOINTS:
-        return None
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    height = high[1] - low[1]
-    low, high = low - height * np.array([_FLESH, _CROWN]), high + height * np.array([_FLESH, _SOLE])
-    return np.concatenate([np.clip(low, 0, image_size), np.clip(high, 0, image_size)])

@@ -1,6 +1,6 @@
 """Over gaps: a tracklet that ends and one that begins are one person if motion and looks agree from both sides."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +34,11 @@ def _link_once(tracklets: list[Tracklet], reach: float) -> list[Tracklet]:
     costs = np.array([[_cost(a.last, b.first, reach) for b in tracklets] for a in tracklets])
     successor = dict(assign(costs))
     follows = set(successor.values())
-    return [_chain(tracklets, start, successor) for start in range(len(tracklets)) if start not in follows]
+    return [chain(tracklets, start, successor) for start in range(len(tracklets)) if start not in follows]
 
 
-def _chain(tracklets: list[Tracklet], start: int, successor: dict[int, int]) -> Tracklet:
+def chain(tracklets: Sequence[Tracklet], start: int, successor: Mapping[int, int]) -> Tracklet:
+    """One person from a tracklet and those that follow it."""
     sights = tracklets[start].sights
     while start in successor:
         start = successor[start]
@@ -57,7 +58,8 @@ def _cost(before: End, after: End, reach: float) -> float:
     moved = np.linalg.norm(after.sight.centre - before.sight.centre)
     miss = min(float(forwards + backwards) / 2 / gate, float(moved) / gate + _STOP_PENALTY)
     growth = abs(float(np.log(after.size / before.size)))
-    strangeness = miss + (1 - float(before.appearance @ after.appearance)) / UNLIKE
+    trust = before.looks * after.looks
+    strangeness = miss + trust * (1 - float(before.appearance @ after.appearance)) / UNLIKE
     if miss > 1 or growth > np.log(_SIZE_RATIO) or strangeness > _STRANGEST:
         return FORBIDDEN
     return strangeness + _SIZE_WEIGHT * growth

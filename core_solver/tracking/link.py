@@ -11,7 +11,9 @@ from core_solver.tracking.association import associate
 from core_solver.tracking.filling import fill_track
 from core_solver.tracking.gaps import link_gaps
 from core_solver.tracking.identities import MOST_PEOPLE, Drop, Edit, Somebody, apply_edits
+from core_solver.tracking.known import known_people_first, without_unclaimed
 from core_solver.tracking.masks import Labels, label_frame
+from core_solver.tracking.returns import link_returns
 from core_solver.tracking.selection import describe_dropped, select_people
 from core_solver.tracking.sights import FrameSights, Sight, frame_sights
 from core_solver.tracking.tracks import UNCLAIMED, Modalities
@@ -56,20 +58,26 @@ def track_people(
     Raises:
         UserError: an edit names a person or frame that is not there.
     """
-    found = find_people(observations, people=people)
+    found = find_people(observations, image_size, people=people)
     return gather(observations, found, image_size, label_size, edits)
 
 
-def find_people(observations: Sequence[FrameObservations], *, people: int | None = None) -> FoundPeople:
+def find_people(
+    observations: Sequence[FrameObservations], image_size: tuple[int, int], *, people: int | None = None
+) -> FoundPeople:
     """Give every detection a person.
 
     Args:
         observations: one a frame of the take, in order of time.
+        image_size: (width, height) pixels of the footage.
         people: solve at most this many, the best seen ones; None for everybody.
     """
     times = _times(observations)
     frames = tuple(frame_sights(o, row) for row, o in enumerate(observations))
-    selection = select_people(link_gaps(associate([f.sights for f in frames])), times, people)
+    tracklets = known_people_first(
+        [f.sights for f in frames], lambda strangers: link_returns(link_gaps(associate(strangers)), image_size)
+    )
+    selection = select_people(tracklets, times, people)
     everybody = [Somebody(t) for t in selection.people] + [Somebody(t, solved=False) for t in selection.left_out]
     return FoundPeople(frames, dict(enumerate(everybody[:MOST_PEOPLE], 1)))
 
@@ -95,7 +103,7 @@ def gather(
         frames=numbers,
         image_size=image_size,
         tracks=tuple(fill_track(somebody, number, times) for number, somebody in solved.items()),
-        labels=_label_frames(found.frames, solved, image_size, label_size),
+        labels=without_unclaimed(_label_frames(found.frames, solved, image_size, label_size), observations),
         disparity=_stack_disparity(observations),
         dropped=tuple(
             describe_dropped(somebody.tracklet, times)

@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 _TORSO = [keypoint_index(f"{side}_{part}") for side in ("left", "right") for part in ("shoulder", "hip")]
 _DUPLICATE_DISTANCE = 0.06  # of a person's size: two readings of one body agree better, two neighbours do not
 _CONFIDENT = 0.2
+_LOOKS_WITHOUT_MASK = 0.2
 _MIN_SHARED_KEYPOINTS = 5
 
 
@@ -35,6 +36,7 @@ class Sight:
         detection: what was seen.
         centre: (2,) middle of the torso; legs swing and boxes shrink behind furniture, torsos do neither.
         size: longer side of the box, the yardstick of every gate.
+        looks: in [0, 1], how far the appearance can be trusted: without a mask it also shows what stands in front.
     """
 
     row: int
@@ -42,6 +44,7 @@ class Sight:
     detection: Detection
     centre: Array
     size: float
+    looks: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +123,8 @@ def _sight(detection: Detection, row: int, time: float) -> Sight:
         centre = weights @ np.asarray(detection.keypoints, float)[_TORSO] / weights.sum()
     else:
         centre = np.array([left + right, top + bottom]) / 2
-    return Sight(row, float(time), detection, centre, max(right - left, bottom - top, 1.0))
+    looks = 1.0 if detection.mask.values.size else _LOOKS_WITHOUT_MASK
+    return Sight(row, float(time), detection, centre, max(right - left, bottom - top, 1.0), looks)
 
 
 def _without_duplicates(sights: list[Sight]) -> list[Sight]:

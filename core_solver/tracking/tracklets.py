@@ -25,13 +25,15 @@ class End:
         sight: the sight there.
         velocity: (2,) pixels a second, in forward time.
         size: pixels, robust over the nearest sights.
-        appearance: (D,) unit vector, mean over the nearest sights.
+        appearance: (D,) unit vector, mean over the nearest sights, each as far as its looks can be trusted.
+        looks: in [0, 1], how far that can be trusted: the best of these sights decides.
     """
 
     sight: Sight
     velocity: Array
     size: float
     appearance: Array
+    looks: float
 
     def centre_at(self, time: float) -> Array:
         """Where the person is at `time` if the motion goes on."""
@@ -73,9 +75,11 @@ def state_at_end(sights: Sequence[Sight]) -> End:
 
 def _end(sight: Sight, moving: Sequence[Sight], looking: Sequence[Sight]) -> End:
     size = sorted(s.size for s in moving)[len(moving) // 2]
-    appearance = np.mean([s.detection.appearance for s in looking], axis=0, dtype=float)
+    looks = np.array([s.looks for s in looking])
+    appearance = looks**2 @ np.stack([s.detection.appearance for s in looking]).astype(float)
     length = np.linalg.norm(appearance)
-    return End(sight, _velocity(moving, size), size, appearance / length if length > 0 else appearance)
+    unit = appearance / length if length > 0 else appearance
+    return End(sight, _velocity(moving, size), size, unit, float(looks.max()))
 
 
 def _velocity(sights: Sequence[Sight], size: float) -> Array:
