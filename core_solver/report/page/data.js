@@ -39,12 +39,19 @@ const joint = Object.fromEntries(page.joint_names.map((name, index) => [name, in
 const JOINTS = page.joint_names.length;
 const FEET = [joint.left_ankle, joint.left_foot, joint.right_ankle, joint.right_foot];
 
+// The colour, mixed with white where thin lines of it would drown on a dark page.
+function legible([red, green, blue]) {
+  const bright = 0.3 * red + 0.55 * green + 0.15 * blue, least = 0.4;
+  const white = bright < least ? (least - bright) / (1 - bright) : 0;
+  return [red, green, blue].map((part) => part + white * (1 - part));
+}
+
 const people = page.people.map((person, index) => ({
   index,
   id: person.id,
   name: person.name,
   colour: person.colour,
-  css: `rgb(${person.colour.map((part) => Math.round(255 * part)).join(" ")})`,
+  css: `rgb(${legible(person.colour).map((part) => Math.round(255 * part)).join(" ")})`,
   height: person.height_m,
   seen: person.seen,
   mesh: person.mesh,
