@@ -57,7 +57,7 @@ def say(line: str) -> None:
 
 
 def list_models(arguments: argparse.Namespace) -> int:
-    """Print every entry with its state, then the user's own files."""
+    """Print every entry with its state, then the user's own files and the ready declarations of networks."""
     store = ModelStore(arguments.models_dir)
     say(f"models in {store.models_dir}")
     for entry in store.entries():
@@ -68,7 +68,20 @@ def list_models(arguments: argparse.Namespace) -> int:
         for file in store.files(task.name):
             if file not in fetched:
                 say(f"  {file.name:36}{task.name:12}added by you")
+    list_networks(store)
     return 0
+
+
+def list_networks(store: ModelStore) -> None:
+    """Print the ready declarations of networks: which are here, where they come from, what their licences allow."""
+    from core_solver.perception.networks.catalogue import known_networks  # noqa: PLC0415 - only where it is shown
+
+    here = {file.name for file in store.files("networks")}
+    say("networks of others, for 'solve --network NAME': get the file from its page and add it with --task networks")
+    for spec in known_networks():
+        place = "here" if spec.file.name in here else "to be added"
+        use = "" if spec.about.commercial else "not commercial: "
+        say(f"  {spec.toml.stem:36}{spec.kind.task:12}{place:20}{use}{spec.about.licence}  {spec.about.page}")
 
 
 def state(store: ModelStore, entry: ModelEntry) -> str:
