@@ -200,6 +200,9 @@ def _add_solve(commands: Commands) -> argparse.ArgumentParser:
         help="a network of your own, or a name that 'models list' shows; may be given several times",
     )
     parser.add_argument(
+        "--modalities", type=Path, metavar="DIR", help="joints, SMPL poses, depth and masks that you have already"
+    )
+    parser.add_argument(
         "--points", type=_count, default=argparse.SUPPRESS, metavar="N", help="most points in the cloud (200000)"
     )
     parser.add_argument("--models-dir", type=Path, metavar="DIR", help="where models are kept")
@@ -250,7 +253,8 @@ def _check_solve(options: argparse.Namespace) -> None:
         raise UserError(f"nothing can be written in {output.parent}: choose another place with -o")
     if options.start_s is not None and options.end_s is not None and options.end_s <= options.start_s:
         raise UserError(f"--end {options.end_s:g} is not after --start {options.start_s:g}")
-    for path, flag in ((options.depth, "--depth"), (options.body, "--body"), (options.identities, "--identities")):
+    files = ("depth", "body", "identities", "modalities")
+    for path, flag in ((getattr(options, name), f"--{name}") for name in files):
         if path is not None and not path.exists():
             raise UserError(f"there is no file {path}: check {flag}")
 

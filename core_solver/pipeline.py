@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from core_solver.assemble import Provenance, assemble_take, person_colour
-from core_solver.body import load_body
+from core_solver.body import BodyModel, load_body
 from core_solver.camera import DEFAULT_FOV_DEGREES, Camera, camera_from_fov, read_camera
 from core_solver.errors import CameraError, UserError, VideoError
 from core_solver.optimise.presets import PRESETS
@@ -18,6 +18,8 @@ from core_solver.optimise.solution import Solution
 from core_solver.optimise.solve import solve
 from core_solver.perception.cache import observe
 from core_solver.perception.perceive import Networks, label_size, load_networks, with_declared
+from core_solver.perception.precomputed.given import open_modalities
+from core_solver.perception.precomputed.join import Helpers, load_helpers
 from core_solver.perception.store import ModelStore
 from core_solver.progress import Progress
 from core_solver.scene import aggregate
@@ -52,6 +54,7 @@ class SolveOptions:
         identities: file with the user's edits of who is who.
         depth: disparity network, a file or a directory with one file for each shape.
         networks: the user's own networks: TOML files, or names in the catalogue.
+        modalities: folder with what other programs have already seen.
         models_dir: where models are kept.
         body: a user's own SMPL file.
         device: "auto", "cpu" or "cuda".
@@ -72,6 +75,7 @@ class SolveOptions:
     identities: Path | None = None
     depth: Path | None = None
     networks: tuple[str, ...] = ()
+    modalities: Path | None = None
     models_dir: Path | None = None
     body: Path | None = None
     device: str = "auto"
@@ -94,7 +98,7 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
     camera = choose_camera(options, clip, progress)
     store = ModelStore(options.models_dir)
     body = load_body(options.body or store.require("open-body"))
-    networks = with_declared(load_networks(store, options.depth), options.networks, store, options.device)
+    networks = _choose_networks(options, store, clip, body, progress)
     if options.networks:
         camera = _seen_camera(camera, networks, clip, progress)
     depth_source = _depth_source(networks, clip, progress)
@@ -174,6 +178,18 @@ def choose_camera(options: SolveOptions, clip: VideoClip, progress: Progress) ->
     return camera_from_fov(clip.width, clip.height, DEFAULT_FOV_DEGREES, "assumed field of view")
 
 
+def _choose_networks(
+    options: SolveOptions, store: ModelStore, clip: VideoClip, body: BodyModel, progress: Progress
+) -> Networks | Helpers:
+    """All networks, or, where a folder gives some modalities, those for the rest."""
+    if options.modalities is None:
+        return with_declared(load_networks(store, options.depth), options.networks, store, options.device)
+    given = open_modalities(options.modalities, clip, body)
+    for note in given.notes:
+        progress.note(note)
+    return load_helpers(store, options.depth, options.networks, options.device, given)
+
+
 def build_scene(
     modalities: Modalities, solution: Solution, camera: Camera, clip: VideoClip, most_points: int = CLOUD_POINTS
 ) -> Scene:
@@ -196,7 +212,7 @@ def build_scene(
     )
 
 
-def _seen_camera(camera: Camera, networks: Networks, clip: VideoClip, progress: Progress) -> Camera:
+def _seen_camera(camera: Camera, networks: Networks | Helpers, clip: VideoClip, progress: Progress) -> Camera:
     """In place of an assumed field of view the one that a declared depth network sees, if it says."""
     if not camera.source.startswith("assumed"):
         return camera
@@ -207,7 +223,9 @@ def _seen_camera(camera: Camera, networks: Networks, clip: VideoClip, progress: 
     return camera_from_fov(clip.width, clip.height, view, "field of view seen by the depth network")
 
 
-def _depth_source(networks: Networks, clip: VideoClip, progress: Progress) -> str:
+def _depth_source(networks: Networks | Helpers, clip: VideoClip, progress: Progress) -> str:
+    if isinstance(networks, Helpers) and networks.given.depth_source is not None:
+        return networks.given.depth_source
     network = networks.open_disparity(clip.width, clip.height)
     if network is not None:
         return network.path.name
@@ -272,4 +290,5 @@ def _settings(options: SolveOptions) -> dict[str, str | float | int | bool | Non
     return {
         "start_s": options.start_s, "end_s": options.end_s, "every": options.every, "people": options.people,
         "points": options.points, "seed": options.seed, "device": options.device,
+        "modalities": options.modalities is not None,
     }  # fmt: skip

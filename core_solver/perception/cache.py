@@ -1,7 +1,7 @@
 """Observations on disk, so that an interrupted run can go on and long clips need little memory.
 
-`NAME.work/observations/` holds `key.json`, which names the video, the frames and the networks, and chunks of frames as
-plain numpy archives. A chunk appears whole or not at all.
+`NAME.work/observations/` holds `key.json`, which names the video, the frames, the networks and the given files, and
+chunks of frames as plain numpy archives. A chunk appears whole or not at all.
 """
 
 import errno
@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from core_solver.errors import UserError
 from core_solver.perception.observations import CroppedMask, Detection, FrameInfo, FrameObservations
 from core_solver.perception.perceive import Networks, perceive
+from core_solver.perception.precomputed.given import GivenModalities
+from core_solver.perception.precomputed.join import Helpers, perceive_given
 from core_solver.progress import Progress
 from core_solver.video import VideoClip
 
@@ -51,22 +53,25 @@ class Observations:
             yield from read_chunk(_chunk_path(self.folder, number))
 
 
-def observe(clip: VideoClip, networks: Networks, work: Path, progress: Progress, *, resume: bool) -> Observations:
+def observe(
+    clip: VideoClip, networks: Networks | Helpers, work: Path, progress: Progress, *, resume: bool
+) -> Observations:
     """Observe a clip and keep the result.
 
     Args:
         clip: the video.
-        networks: what to look with.
+        networks: what to look with, or what is already known and what to look with at the rest.
         work: the take's work directory, made when missing; observations lie in its folder of that name.
         progress: shows one stage.
-        resume: keep what an earlier run on the same video, frames and networks has left.
+        resume: keep what an earlier run on the same video, frames, networks and given files has left.
 
     Raises:
         UserError: the folder cannot be written, or the disk is full.
         VideoError: a frame cannot be decoded.
         ModelError: the depth network does not fit.
     """
-    key = observation_key(clip, networks.files_for(clip.width, clip.height))
+    given = networks.given if isinstance(networks, Helpers) else None
+    key = observation_key(clip, networks.files_for(clip.width, clip.height), given)
     count, folder = len(clip.frame_list), work / _FOLDER
     try:
         _prepare(folder, key, resume=resume)
@@ -95,9 +100,10 @@ def read_observations(work: Path) -> Observations:
     return Observations(folder, count)
 
 
-def observation_key(clip: VideoClip, files: Sequence[Path]) -> str:
+def observation_key(clip: VideoClip, files: Sequence[Path], given: GivenModalities | None = None) -> str:
     """JSON that changes with anything that changes the observations."""
     stat = clip.path.stat()
+    known = {} if given is None else {"modalities": _fingerprint(given)}
     with clip.path.open("rb") as video:
         head = hashlib.sha256(video.read(_HEAD_BYTES)).hexdigest()
     return json.dumps(
@@ -108,9 +114,18 @@ def observation_key(clip: VideoClip, files: Sequence[Path]) -> str:
             "first_frame": clip.frame_list[0].index,
             "every": clip.every,
             "networks": {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
+            **known,
         },
         indent=1,
     )
+
+
+def _fingerprint(given: GivenModalities) -> dict[str, str | int]:
+    """A digest of the names, sizes and times of a folder's files, which may be many and large."""
+    files = given.folder.files()
+    stats = [(file.as_posix(), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+    digest = hashlib.sha256(json.dumps([given.folder.path.as_posix(), stats]).encode()).hexdigest()
+    return {"files": len(files), "digest": digest, "body": given.body.id}
 
 
 def chunk_count(frame_count: int) -> int:
@@ -238,12 +253,17 @@ def _prepare(folder: Path, key: str, *, resume: bool) -> None:
     partial.replace(key_file)
 
 
-def _fill(clip: VideoClip, networks: Networks, folder: Path, progress: Progress, missing: Sequence[int]) -> None:
+def _fill(
+    clip: VideoClip, networks: Networks | Helpers, folder: Path, progress: Progress, missing: Sequence[int]
+) -> None:
     """Compute the missing chunks in one pass over the video."""
     positions = [p for n in missing for p in chunk_positions(len(clip.frame_list), n)]
     if not positions:
         return
-    stream = perceive(clip, networks, progress, positions)
+    if isinstance(networks, Helpers):
+        stream = perceive_given(clip, networks, progress, positions)
+    else:
+        stream = perceive(clip, networks, progress, positions)
     for number in missing:
         chunk = [next(stream) for _ in chunk_positions(len(clip.frame_list), number)]
         write_chunk(_chunk_path(folder, number), chunk)

@@ -1,20 +1,23 @@
 """Frames seen partly by other programs and partly by the default networks."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core_solver.errors import UserError
 from core_solver.perception.appearance import describe_clothes
 from core_solver.perception.blazepose import BlazePose, BodyLandmarks, disagreement, inverse, transform
-from core_solver.perception.disparity import DisparityNetwork, disparity_files, nearest_shape, open_disparity
-from core_solver.perception.fusion import warp_mask
+from core_solver.perception.disparity import disparity_files, nearest_shape, open_disparity
+from core_solver.perception.fusion import warp_mask, without_doubles
 from core_solver.perception.multipose import COCO_COUNT, MultiPose, Pose
+from core_solver.perception.networks.declared import Declared, open_declared
+from core_solver.perception.networks.merging import detect
 from core_solver.perception.observations import CroppedMask, Detection, FrameInfo, FrameObservations
-from core_solver.perception.perceive import label_size, look_at
+from core_solver.perception.perceive import DepthNetwork, label_size
 from core_solver.perception.precomputed.given import GivenModalities
 from core_solver.perception.precomputed.joints import GivenPerson
 from core_solver.perception.precomputed.masks import to_label_grid
@@ -35,57 +38,90 @@ _APPEARANCE_SIDE = 192  # pixels of the crop on which clothes are described
 
 @dataclass(frozen=True)
 class Helpers:
-    """The default networks for what a folder lacks; None for what is not needed.
+    """What a folder gives, and networks for what it lacks; None for what is not needed.
 
     Attributes:
+        given: what is known about the video.
         people: finds people.
         body: looks at each of them.
         disparity_files: depth networks of one family in several shapes; empty without.
+        declared: the user's own networks.
     """
 
+    given: GivenModalities
     people: MultiPose | None
     body: BlazePose | None
     disparity_files: tuple[Path, ...]
+    declared: Declared = field(default_factory=Declared)
 
     def files_for(self, width: int, height: int) -> tuple[Path, ...]:
         """The files that decide what is seen in a video of this size."""
         found = tuple(network.path for network in (self.people, self.body) if network is not None)
-        return (*found, *((nearest_shape(self.disparity_files, width / height),) if self.disparity_files else ()))
+        depth = (nearest_shape(self.disparity_files, width / height),) if self.disparity_files else ()
+        return (*found, *depth, *self.declared.files)
 
-    def open_disparity(self, width: int, height: int) -> DisparityNetwork | None:
+    def open_disparity(self, width: int, height: int) -> DepthNetwork | None:
         """The depth network for a video of this size, if there is one."""
-        return open_disparity(self.disparity_files, width, height)
+        return self.declared.depth or open_disparity(self.disparity_files, width, height)
+
+    def field_of_view(self, images: Iterable[Image]) -> float | None:
+        """Degrees along the longer side as a declared depth network sees it; None where none does."""
+        views = [self.declared.depth.look(image).field_of_view for image in images] if self.declared.depth else []
+        known = [view for view in views if view is not None]
+        return float(np.median(known)) if known else None
 
 
-def load_helpers(store: ModelStore, depth: Path | None, given: GivenModalities) -> Helpers:
+def load_helpers(
+    store: ModelStore, depth: Path | None, named: Sequence[str | Path], device: str, given: GivenModalities
+) -> Helpers:
     """Load the networks for what a folder lacks, fetching them on first use.
 
     BlazePose also looks at people whose SMPL pose is missing, if it is there already.
 
+    Args:
+        store: where models lie.
+        depth: an ONNX disparity network, or a folder with one in several shapes; None for what the store holds.
+        named: the user's own networks: TOML files, or names in the catalogue.
+        device: "auto", "cpu" or "cuda", for the user's own.
+        given: what need not be computed.
+
     Raises:
+        UserError: a network is asked for what the folder gives.
         ModelError: a network that is needed is not to be had, or is damaged.
     """
+    declared = open_declared(named, store, device) if named else Declared()
+    _require_new(declared, depth, given)
     everything_of_a_person = given.joints is not None and given.smpl is not None and given.masks is not None
     body = store.path("blazepose-full") if everything_of_a_person else store.require("blazepose-full")
     files: tuple[Path, ...] = ()
-    if given.depth is None:
+    if given.depth is None and declared.depth is None:
         files = store.files("disparity") if depth is None else disparity_files(depth)
     return Helpers(
+        given,
         MultiPose(store.require("movenet-multipose")) if given.joints is None else None,
         BlazePose(body) if body is not None else None,
         files,
+        declared,
     )
 
 
+def _require_new(declared: Declared, depth: Path | None, given: GivenModalities) -> None:
+    """Nothing may be both given and computed: the user would not know which of the two was used."""
+    if given.depth is not None and (depth is not None or declared.depth is not None):
+        raise UserError(f"{given.folder.path} already holds depth: leave --depth and depth networks out")
+    of_people = (declared.finder, declared.poses, declared.masks, declared.bodies)
+    if given.joints is not None and any(network is not None for network in of_people):
+        raise UserError(f"{given.folder.path} already holds joints: of your own networks only depth can be used beside")
+
+
 def perceive_given(
-    clip: VideoClip, given: GivenModalities, helpers: Helpers, progress: Progress, positions: Sequence[int]
+    clip: VideoClip, helpers: Helpers, progress: Progress, positions: Sequence[int]
 ) -> Iterator[FrameObservations]:
     """Observe a clip frame by frame; memory does not grow with its length.
 
     Args:
         clip: the video.
-        given: what is known about it.
-        helpers: networks for the rest.
+        helpers: what is known about it, and networks for the rest.
         progress: shows one stage.
         positions: increasing positions in the clip's frame list.
 
@@ -94,7 +130,7 @@ def perceive_given(
         VideoError: a frame cannot be decoded.
         ModelError: the depth network does not fit.
     """
-    joiner = _Joiner(given, helpers, helpers.open_disparity(clip.width, clip.height))
+    joiner = _Joiner(helpers, helpers.open_disparity(clip.width, clip.height))
     with progress.stage("Join what is given", len(positions)) as advance:
         for frame, image in clip.frames_at(positions):
             yield joiner.observe(image, frame)
@@ -105,9 +141,13 @@ def perceive_given(
 class _Joiner:
     """Puts one frame's modalities together."""
 
-    given: GivenModalities
     helpers: Helpers
-    disparity: DisparityNetwork | None
+    disparity: DepthNetwork | None
+
+    @property
+    def given(self) -> GivenModalities:
+        """What is known about the video."""
+        return self.helpers.given
 
     def observe(self, image: Image, frame: FrameInfo) -> FrameObservations:
         labels = label_size(*self.given.size)
@@ -125,7 +165,10 @@ class _Joiner:
     def _people(self, image: Image, frame: int) -> list[Detection]:
         """With joints, and with all the rest where networks have found them."""
         if self.helpers.people is not None and self.helpers.body is not None:
-            return list(look_at(image, self.helpers.people(image), self.helpers.body))
+            size, labels = self.given.size, label_size(*self.given.size)
+            people = self.helpers.declared.look(image, self.helpers.people, labels)
+            seen = [detect(person, image, self.helpers.body, size, labels) for person in people]
+            return list(without_doubles([person for person in seen if person is not None], labels))
         found = [detection_from(person, self.given.size) for person in self.given.people_at(frame) or ()]
         return [person for person in found if person is not None]
 
