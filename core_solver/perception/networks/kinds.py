@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 ANY = -1
+ROMP_CHANNELS = 3 + 22 * 6 + 10  # camera, rotations, shape
 
 Shape = tuple["int | PerKeypoint", ...]
 
@@ -53,12 +54,14 @@ class Kind:
         view: what the network is shown; None where the declaration says it with `sees`.
         roles: its outputs, in the order in which its decoder takes them.
         keys: what the declaration may hold besides the keys that every network has.
+        settled: keys whose value follows from the kind.
     """
 
     task: str
     view: View | None
     roles: tuple[Role, ...]
     keys: tuple[str, ...]
+    settled: tuple[tuple[str, str], ...] = ()
 
 
 _CROP_KEYS = ("keypoints", "padding", "score")
@@ -151,6 +154,16 @@ KINDS: dict[str, Kind] = {
             Role("betas", ((ANY, ANY),), ("betas",), True),
         ),
         ("sees", "fit", "pad", "padding", "rotations", "camera", "axes", "fov_degrees", "score"),
+    ),
+    "romp-maps": Kind(
+        "smpl",
+        View.PICTURE,
+        (
+            Role("centers", ((1, 1, ANY, ANY),), ("center_maps",)),
+            Role("params", ((1, ROMP_CHANNELS, ANY, ANY),), ("params_maps",)),
+        ),
+        ("fit", "pad", "axes", "score"),
+        (("rotations", "6d"), ("camera", "romp")),
     ),
 }
 """By the name that `decoder` gives."""

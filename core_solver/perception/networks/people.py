@@ -17,7 +17,14 @@ from core_solver.perception.networks.kinds import View
 from core_solver.perception.networks.one_stage import FoundPeople, read_rtmo, read_yolo, read_yolo_end2end
 from core_solver.perception.networks.prepare import cut, lay_picture, person_crop, to_tensor
 from core_solver.perception.networks.session import DeclaredSession
-from core_solver.perception.networks.smpl import along_ray, posed_keypoints, project, read_rotations
+from core_solver.perception.networks.smpl import (
+    Regressed,
+    along_ray,
+    posed_keypoints,
+    project,
+    read_romp_maps,
+    read_rotations,
+)
 from core_solver.perception.networks.spec import NetworkSpec
 from core_solver.perception.networks.top_down import read_heatmaps, read_simcc
 from core_solver.perception.observations import CroppedMask
@@ -162,7 +169,7 @@ class BodyRegressor:
     def __init__(self, spec: NetworkSpec, device: str, body: BodyModel) -> None:
         """Open the network; ModelError where the file is not as declared."""
         self._spec, self._session, self._body = spec, DeclaredSession(spec, device), body
-        if spec.camera != "none" and not self._session.has("camera"):
+        if spec.decoder == "smpl" and spec.camera != "none" and not self._session.has("camera"):
             raise ModelError(
                 f"{spec.file.name} is not as {spec.toml.name} declares: no output is the camera: "
                 "name it with outputs.camera"
@@ -191,22 +198,27 @@ class BodyRegressor:
 
     def _bodies(self, outputs: list[NDArray]) -> tuple[Array, Array]:
         """Landmarks (N, 25, 3) along each person's ray, and their places (N, 25, 2) in the input."""
-        spec = self._spec
-        pose, orient, camera, scores, _ = outputs
+        spec, found = self._spec, self._read(outputs)
         try:
-            points = posed_keypoints(read_rotations(pose, orient, spec.rotations), self._body, spec.axes)
+            points = posed_keypoints(read_rotations(found.pose, found.orient, spec.rotations), self._body, spec.axes)
         except ValueError as error:
             raise ModelError(f"{spec.file.name} is not as {spec.toml.name} declares: {error}") from error
-        if spec.camera == "none":
+        if found.camera is None or spec.camera == "none":
             return points, np.zeros((len(points), 0, 2))
-        place = camera.astype(float)
+        place = found.camera.astype(float)
         seen = project(points, place, spec.camera, _size(self._session), spec.fov_degrees)
         if spec.camera == "translation":
             points = along_ray(points, place)
-        if spec.view is View.PICTURE and scores is not None:
-            sure = scores.ravel() >= spec.score
+        if spec.view is View.PICTURE and found.scores is not None:
+            sure = found.scores.ravel() >= spec.score
             return points[sure], seen[sure]
         return points, seen
+
+    def _read(self, outputs: list[NDArray]) -> Regressed:
+        if self._spec.decoder == "romp-maps":
+            return read_romp_maps(outputs[0], outputs[1], self._spec.score)
+        pose, orient, camera, scores, _ = outputs
+        return Regressed(pose, orient, camera, scores)
 
     @staticmethod
     def _with_body(person: Person, body: Array) -> Person:

@@ -4,7 +4,9 @@ Only the pose is used: shape numbers belong to a body of their own. The open bod
 """
 
 import math
+from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +17,42 @@ Array = NDArray[np.float64]
 
 _JOINTS, _WITHOUT_HANDS = 24, 22
 _MID_HIPS = [11, 12]  # keypoints
+_ROMP_SCALE = 1.1  # to the power of what the network gives
+_ROMP_WINDOW = np.ones((5, 5), np.uint8)
 _NUMBERS = {"matrix": 9, "6d": 6, "6d-rows": 6, "axis-angle": 3}
+
+
+@dataclass(frozen=True)
+class Regressed:
+    """The numbers of the people that a regressor sees, in any of the usual forms.
+
+    Attributes:
+        pose: (N, ...) rotations.
+        orient: (N, ...) the root's, where it is apart.
+        camera: (N, 3) where the network says where people are.
+        scores: (N,) or (N, 1) where it doubts.
+    """
+
+    pose: NDArray
+    orient: NDArray | None
+    camera: NDArray | None
+    scores: NDArray | None
+
+
+def read_romp_maps(centers: NDArray, params: NDArray, score: float) -> Regressed:
+    """ROMP as it leaves the network: each peak of the map of centres is a person, whose numbers stand there.
+
+    Args:
+        centers: (1, 1, h, w) confidence.
+        params: (1, 145, h, w) camera (log scale, tx, ty), 22 rotations in 6D, shape.
+        score: least confidence.
+    """
+    plane = np.ascontiguousarray(centers[0, 0], np.float32)
+    peaks = (plane >= cv2.dilate(plane, _ROMP_WINDOW)) & (plane >= score)
+    numbers = params[0][:, peaks].T
+    camera = numbers[:, :3].astype(float)
+    camera[:, 0] = _ROMP_SCALE ** camera[:, 0]
+    return Regressed(numbers[:, 3 : 3 + 6 * _WITHOUT_HANDS], None, camera, plane[peaks])
 
 
 def read_rotations(pose: NDArray, orient: NDArray | None, form: str) -> Array:

@@ -165,7 +165,13 @@ def parse_spec(table: Mapping[str, Any], path: Path) -> NetworkSpec:
             f"{path.name}: the key 'camera' is missing: a network that sees the whole picture must say where people "
             'are: allowed are "hmr", "romp", "translation"'
         )
-    values = {**_DEFAULTS, **values, "file": path.parent / values["file"], "outputs": outputs}
+    values = {
+        **_DEFAULTS,
+        **dict(KINDS[decoder].settled),
+        **values,
+        "file": path.parent / values["file"],
+        "outputs": outputs,
+    }
     return NetworkSpec(toml=path, decoder=decoder, about=_about(table.get("about", {}), path), **values)
 
 
@@ -175,8 +181,6 @@ def _decoder(network: Mapping[str, Any], path: Path) -> str:
         found = "is missing" if task is None else f"is {_shown(task)}"
         raise ModelError(f"{path.name}: the key 'task' {found}: allowed {_listed(TASKS)}")
     decoder, choices = network.get("decoder"), decoders_of(task)
-    if decoder is None and len(choices) == 1:
-        return choices[0]
     if decoder not in choices:
         found = "is missing" if decoder is None else f"is {_shown(decoder)}"
         raise ModelError(f"{path.name}: the key 'decoder' {found}: allowed for the task \"{task}\" {_listed(choices)}")

@@ -98,7 +98,7 @@ def write_four_networks(folder: Path) -> list[Path]:
         declare(folder / "rtmo.toml", task="pose", decoder="rtmo", keypoints="halpe26", **size),
         declare(folder / "ins.toml", task="masks", decoder="rtmdet-ins", **size),
         declare(folder / "depth.toml", task="depth", decoder="disparity"),
-        declare(folder / "hmr.toml", task="smpl", rotations="axis-angle"),
+        declare(folder / "hmr.toml", task="smpl", decoder="smpl", rotations="axis-angle"),
     ]
 
 

@@ -79,7 +79,7 @@ def test_landmarks_are_those_of_the_pose(
     if parts == "two":
         flat = {"global_orient": numbers[:1].ravel(), "body_pose": numbers[1:].ravel()}
     write_answers_per_person(tmp_path / "hmr.onnx", [batch, 3, 256, 256], **flat, betas=np.ones(10))
-    toml = declare(tmp_path / "hmr.toml", task="smpl", input=[256, 256], rotations=form)
+    toml = declare(tmp_path / "hmr.toml", task="smpl", decoder="smpl", input=[256, 256], rotations=form)
     poses = standing_pose(200, 40), standing_pose(420, 30)
     declared = open_declared([toml], store, "cpu")
     assert declared.files == (toml, tmp_path / "hmr.onnx", tmp_path / "open_body.npz")
@@ -97,7 +97,7 @@ def test_matrices_as_networks_give_them(tmp_path: Path, store: ModelStore) -> No
     write_answers_per_person(
         tmp_path / "hmr.onnx", ["N", 3, 256, 256], global_orient=matrices[:1], body_pose=matrices[1:] * 1.01
     )
-    toml = declare(tmp_path / "hmr.toml", task="smpl", input=[256, 256], axes="camera")
+    toml = declare(tmp_path / "hmr.toml", task="smpl", decoder="smpl", input=[256, 256], axes="camera")
     (person,) = open_declared([toml], store, "cpu").look(IMAGE, lambda _image: (standing_pose(200, 40),), (8, 6))
     np.testing.assert_allclose(person.landmarks, truth(theta), atol=1e-4)
 
@@ -105,7 +105,9 @@ def test_matrices_as_networks_give_them(tmp_path: Path, store: ModelStore) -> No
 def test_axes_that_point_up_are_turned(tmp_path: Path, store: ModelStore) -> None:
     theta = np.zeros((24, 3))  # stands upright where y points up, faces along z
     write_answers_per_person(tmp_path / "hmr.onnx", ["N", 3, 256, 256], pose=theta.ravel())
-    toml = declare(tmp_path / "hmr.toml", task="smpl", input=[256, 256], rotations="axis-angle", axes="y-up")
+    toml = declare(
+        tmp_path / "hmr.toml", task="smpl", decoder="smpl", input=[256, 256], rotations="axis-angle", axes="y-up"
+    )
     (person,) = open_declared([toml], store, "cpu").look(IMAGE, lambda _image: (standing_pose(200, 40),), (8, 6))
     assert person.landmarks is not None
     np.testing.assert_allclose(person.landmarks, truth(theta) * (1, -1, -1), atol=1e-5)
@@ -117,7 +119,7 @@ def test_a_full_translation_tells_the_viewing_ray(tmp_path: Path, store: ModelSt
     theta, place = random_theta(3), np.array([1.5, -0.4, 3.0])
     write_answers_per_person(tmp_path / "a.onnx", ["N", 3, 256, 256], pose=theta.ravel(), camera=place)
     toml = declare(
-        tmp_path / "a.toml", task="smpl", input=[256, 256], rotations="axis-angle", camera="translation"
+        tmp_path / "a.toml", task="smpl", decoder="smpl", input=[256, 256], rotations="axis-angle", camera="translation"
     )  # fmt: skip
     (person,) = open_declared([toml], store, "cpu").look(IMAGE, lambda _image: (standing_pose(200, 40),), (8, 6))
     assert person.landmarks is not None
@@ -159,8 +161,8 @@ def test_regressors_of_whole_pictures_find_whose_body_is_whose(tmp_path: Path, s
         pose=thetas.reshape(3, 72), cam=cameras, scores=np.array([0.9, 0.8, 0.1]),
     )  # fmt: skip
     toml = declare(
-        tmp_path / "romp.toml", task="smpl", sees="picture", input=[512, 512], layout="NHWC", colour="bgr",
-        rotations="axis-angle", camera=form, fov_degrees=60,
+        tmp_path / "romp.toml", task="smpl", decoder="smpl", sees="picture", input=[512, 512], layout="NHWC",
+        colour="bgr", rotations="axis-angle", camera=form, fov_degrees=60,
     )  # fmt: skip
     # The picture, 640 x 480, lies in the middle of the input at 0.8 of its size.
     poses = [
@@ -177,10 +179,39 @@ def test_regressors_of_whole_pictures_find_whose_body_is_whose(tmp_path: Path, s
         np.testing.assert_allclose(person.landmarks, expected, atol=1e-4)
 
 
+def test_romp_is_read_as_it_leaves_the_network(tmp_path: Path, store: ModelStore) -> None:
+    thetas = np.stack([random_theta(seed, hands=False) for seed in (4, 5)])
+    cameras, places = CAMERAS["romp"][:2], [(30, 20), (28, 45)]
+    centers, params = np.zeros((1, 1, 64, 64)), np.random.default_rng(0).normal(size=(1, 145, 64, 64))
+    for theta, camera, (row, column) in zip(thetas, cameras, places, strict=True):
+        centers[0, 0, row - 1 : row + 2, column - 1 : column + 2] = 0.5  # the slopes of a peak are no further people
+        centers[0, 0, row, column] = 0.8
+        params[0, :3, row, column] = [math.log(camera[0]) / math.log(1.1), *camera[1:]]
+        params[0, 3:135, row, column] = encoded(theta, "6d")[:22].ravel()
+    centers[0, 0, 50, 50] = 0.2
+    write_answers(tmp_path / "romp.onnx", [1, 512, 512, 3], center_maps=centers, params_maps=params)
+    toml = declare(
+        tmp_path / "romp.toml", task="smpl", decoder="romp-maps", input=[512, 512], layout="NHWC", pad=0, score=0.25
+    )
+    poses = [
+        pose_at((seen_through(truth(theta), camera, "romp") - (0, 64)) / 0.8)
+        for theta, camera in zip(thetas, cameras, strict=True)
+    ]
+    found = open_declared([toml], store, "cpu").look(IMAGE, lambda _image: tuple(poses[::-1]), (64, 48))
+    for person, theta in zip(found, thetas[::-1], strict=True):
+        np.testing.assert_allclose(person.landmarks, truth(theta), atol=1e-4)
+
+
 def test_no_bodies_in_a_picture(tmp_path: Path, store: ModelStore) -> None:
     write_answers(tmp_path / "a.onnx", [1, 3, 512, 512], pose=np.zeros((0, 72)), cam=np.zeros((0, 3)))
     toml = declare(
-        tmp_path / "a.toml", task="smpl", sees="picture", input=[512, 512], rotations="axis-angle", camera="romp"
+        tmp_path / "a.toml",
+        task="smpl",
+        decoder="smpl",
+        sees="picture",
+        input=[512, 512],
+        rotations="axis-angle",
+        camera="romp",
     )
     pose = standing_pose(200, 40)
     assert open_declared([toml], store, "cpu").look(IMAGE, lambda _image: (pose,), (8, 6)) == (Person(pose),)
@@ -190,21 +221,23 @@ def test_numbers_that_are_no_24_joints(tmp_path: Path, store: ModelStore) -> Non
     pose = standing_pose(200, 40)
     for length, words in ((71, "are no rotations of the form"), (69, "are 23 joints: 24 or 22 are wanted")):
         write_answers_per_person(tmp_path / "a.onnx", ["N", 3, 256, 256], pose=np.zeros(length))
-        toml = declare(tmp_path / "a.toml", task="smpl", input=[256, 256], rotations="axis-angle")
+        toml = declare(tmp_path / "a.toml", task="smpl", decoder="smpl", input=[256, 256], rotations="axis-angle")
         with pytest.raises(ModelError, match=f"a.onnx is not as a.toml declares: .*{words}"):
             open_declared([toml], store, "cpu").look(IMAGE, lambda _image: (pose,), (8, 6))
 
 
 def test_a_camera_that_is_declared_must_be_there(tmp_path: Path, store: ModelStore) -> None:
     write_answers_per_person(tmp_path / "a.onnx", ["N", 3, 256, 256], pose=np.zeros(72))
-    toml = declare(tmp_path / "a.toml", task="smpl", input=[256, 256], rotations="axis-angle", camera="hmr")
+    toml = declare(
+        tmp_path / "a.toml", task="smpl", decoder="smpl", input=[256, 256], rotations="axis-angle", camera="hmr"
+    )
     with pytest.raises(ModelError, match=r"no output is the camera: name it with outputs.camera"):
         open_declared([toml], store, "cpu")
 
 
 def test_bodies_that_are_no_numbers_are_none(tmp_path: Path, store: ModelStore) -> None:
     write_answers_per_person(tmp_path / "a.onnx", ["N", 3, 256, 256], pose=np.full(72, np.nan))
-    toml = declare(tmp_path / "a.toml", task="smpl", input=[256, 256], rotations="axis-angle")
+    toml = declare(tmp_path / "a.toml", task="smpl", decoder="smpl", input=[256, 256], rotations="axis-angle")
     (person,) = open_declared([toml], store, "cpu").look(IMAGE, lambda _image: (standing_pose(200, 40),), (8, 6))
     assert person.landmarks is None
 

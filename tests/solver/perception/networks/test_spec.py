@@ -25,10 +25,6 @@ def test_a_few_lines_declare_a_network(tmp_path: Path) -> None:
     assert (spec.layout, spec.padding, spec.scale) == ("NCHW", 1.25, 1.0)
 
 
-def test_the_only_decoder_of_a_task_need_not_be_named(tmp_path: Path) -> None:
-    assert read_spec(declare(tmp_path / "hmr.toml", task="smpl")).decoder == "smpl"
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -89,7 +85,7 @@ def test_files_that_declare_nothing(tmp_path: Path) -> None:
 
 def test_a_regressor_of_whole_pictures_must_say_where_people_are(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="'camera' is missing"):
-        read_spec(declare(tmp_path / "romp.toml", task="smpl", sees="picture", input=[512, 512]))
+        read_spec(declare(tmp_path / "romp.toml", task="smpl", decoder="smpl", sees="picture", input=[512, 512]))
 
 
 def test_every_decoder_can_be_declared(tmp_path: Path) -> None:
