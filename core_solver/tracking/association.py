@@ -22,8 +22,8 @@ _MISREAD_PENALTY = 0.10  # sizes: limbs read wrongly around a torso in the right
 _OVERLAP_WEIGHT = 0.3
 # One person's clothes agree to 0.015 from sight to sight in 95 of 100 cases, two people's differ by 0.14 in the median.
 UNLIKE = 0.06  # 1 - dot of unit appearances that weighs as much as a whole gate of distance
-_MOMENT = 0.25  # seconds
-_MOST_UNLIKE = 0.9
+MOMENT = 0.25  # seconds
+MOST_UNLIKE = 0.9
 _STRANGEST = 1.2  # distance in gates plus unlikeness: beyond, a new tracklet starts and may be linked later
 
 
@@ -88,7 +88,7 @@ def _costs(ends: list[End], motion_known: NDArray[np.bool_], sights: Sequence[Si
     trust = np.outer([end.looks for end in ends], [s.looks for s in sights])
     unlike = trust * (1 - np.stack([end.appearance for end in ends]) @ stacked(sights, "appearance").T) / UNLIKE
     # Whoever stands in front spoils a person's looks for a moment; a body that is just where it should be outweighs it.
-    unlike = np.where(gaps[:, None] < _MOMENT, np.minimum(unlike, _MOST_UNLIKE), unlike)
+    unlike = np.where(gaps[:, None] < MOMENT, np.minimum(unlike, MOST_UNLIKE), unlike)
     ratio = np.abs(np.log(sizes[:, None] / np.array([s.size for s in sights])[None]))
     strangeness = distances / gates[:, None] + unlike
     impossible = (distances > gates[:, None]) | (strangeness > _STRANGEST) | (ratio > np.log(_SIZE_RATIO))

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 _MOTION_WINDOW = 0.6  # seconds: long enough to average a step, short enough to follow a turn
 _MOTION_TRUST = 0.05  # seconds: a slope over a shorter stretch is mostly noise and is shrunk towards rest
 _TOP_SPEED = 4.0  # sizes a second; a sprinter covers five
-_APPEARANCE_SIGHTS = 12
+APPEARANCE_SIGHTS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class End:
         velocity: (2,) pixels a second, in forward time.
         size: pixels, robust over the nearest sights.
         appearance: (D,) unit vector, mean over the nearest sights, each as far as its looks can be trusted.
-        looks: in [0, 1], how far that can be trusted: the best of these sights decides.
+        looks: in [0, 1], how far that can be trusted.
     """
 
     sight: Sight
@@ -62,7 +62,7 @@ def state_at_start(sights: Sequence[Sight]) -> End:
     count = 1
     while count < len(sights) and sights[count].time - sights[0].time <= _MOTION_WINDOW:
         count += 1
-    return _end(sights[0], sights[:count], sights[:_APPEARANCE_SIGHTS])
+    return _end(sights[0], sights[:count], sights[:APPEARANCE_SIGHTS])
 
 
 def state_at_end(sights: Sequence[Sight]) -> End:
@@ -70,16 +70,21 @@ def state_at_end(sights: Sequence[Sight]) -> End:
     count = 1
     while count < len(sights) and sights[-1].time - sights[-1 - count].time <= _MOTION_WINDOW:
         count += 1
-    return _end(sights[-1], sights[-count:], sights[-_APPEARANCE_SIGHTS:])
+    return _end(sights[-1], sights[-count:], sights[-APPEARANCE_SIGHTS:])
+
+
+def mean_appearance(sights: Sequence[Sight]) -> Array:
+    """(D,) unit vector: the looks in these sights, each as far as they can be trusted."""
+    trust = np.array([s.looks for s in sights]) ** 2
+    appearance = trust @ np.stack([s.detection.appearance for s in sights]).astype(float)
+    length = np.linalg.norm(appearance)
+    return appearance / length if length > 0 else appearance
 
 
 def _end(sight: Sight, moving: Sequence[Sight], looking: Sequence[Sight]) -> End:
     size = sorted(s.size for s in moving)[len(moving) // 2]
-    looks = np.array([s.looks for s in looking])
-    appearance = looks**2 @ np.stack([s.detection.appearance for s in looking]).astype(float)
-    length = np.linalg.norm(appearance)
-    unit = appearance / length if length > 0 else appearance
-    return End(sight, _velocity(moving, size), size, unit, float(looks.max()))
+    looks = float(np.mean([s.looks for s in looking]))
+    return End(sight, _velocity(moving, size), size, mean_appearance(looking), looks)
 
 
 def _velocity(sights: Sequence[Sight], size: float) -> Array:
