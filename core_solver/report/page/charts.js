@@ -9,11 +9,11 @@ const worseFoot = (person, frame) => {
 
 // `value`: of a person in a frame, NaN for none. `least`: what the axis shows at least.
 const MEASURES = [
-  { title: "Top of the body above the ground", unit: "m", digits: 2, value: (p, f) => p.top[f], least: [0, 1.8] },
-  { title: "Lowest point above the ground", unit: "cm", digits: 1, value: (p, f) => 100 * p.lowest[f], least: [-5, 5] },
-  { title: "Foot skate while a foot rests", unit: "mm a frame", digits: 1, value: worseFoot, least: [0, 5] },
+  { title: "Highest point", unit: "m above ground", digits: 2, value: (p, f) => p.top[f], least: [0, 1.8] },
+  { title: "Lowest point", unit: "cm above ground", digits: 1, value: (p, f) => 100 * p.lowest[f], least: [-5, 5] },
+  { title: "Skate of resting feet", unit: "mm a frame", digits: 1, value: worseFoot, least: [0, 5] },
   { title: "Confidence", unit: "", digits: 2, value: (p, f) => p.confidence[f], least: [0, 1] },
-  { title: "Reprojection error of the limbs", unit: "px", digits: 1, value: (p, f) => (p.reprojection ? p.reprojection[f] : NaN), least: [0, 10], missing: page.no_reprojection },
+  { title: "Reprojection error", unit: "px", digits: 1, value: (p, f) => (p.reprojection ? p.reprojection[f] : NaN), least: [0, 10], missing: page.no_reprojection },
 ];
 
 class Chart {
@@ -44,13 +44,20 @@ class Chart {
   }
 
   makeDrawing(label) {
-    this.drawing = svg(this.panel, "svg", { role: "img", "aria-label": label });
+    const plot = document.createElement("div");
+    plot.className = "plot";
+    this.drawing = svg(plot, "svg", { role: "img", "aria-label": label });
+    // The cursor is no part of the drawing: moving it must not paint thousands of lines again.
+    this.cursor = document.createElement("div");
+    this.cursor.className = "cursor";
+    plot.append(this.cursor);
+    this.panel.append(plot);
     new ResizeObserver(() => {
       this.width = this.drawing.clientWidth;
       this.drawing.replaceChildren();
       this.drawing.setAttribute("viewBox", `0 0 ${this.width} ${CHART.height}`);
-      this.build();
-      this.cursor = svg(this.drawing, "line", { class: "cursor", y1: CHART.top, y2: CHART.height - CHART.bottom });
+      this.groups = this.build();
+      this.shownPerson = undefined;
       redraw();
     }).observe(this.drawing);
     const toFrame = (event) => {
@@ -78,10 +85,13 @@ class Chart {
     }
   }
 
-  moveCursor() {
-    const x = this.across(state.frame);
-    this.cursor.setAttribute("x1", x);
-    this.cursor.setAttribute("x2", x);
+  // Move the cursor, fade those who are not chosen; false before anything is built.
+  follow() {
+    if (!this.groups) return false;
+    this.cursor.style.transform = `translateX(${this.across(state.frame).toFixed(1)}px)`;
+    if (this.shownPerson !== state.person) people.forEach((person, i) => this.groups[i].setAttribute("opacity", isFaded(person) ? 0.15 : 1));
+    this.shownPerson = state.person;
+    return true;
   }
 
   // The numbers at the cursor, of the chosen person or of a few.
@@ -115,7 +125,7 @@ class MeasureChart extends Chart {
       svg(this.drawing, "text", { x: CHART.left - 5, y: y + 3, "text-anchor": "end" }, `${Number((tick * apart).toFixed(3))}`);
     }
     this.drawFrameNumbers();
-    this.lines = people.map((person) => {
+    return people.map((person) => {
       const group = svg(this.drawing, "g", { fill: "none", stroke: person.css, "stroke-width": 1.5, "stroke-linejoin": "round", "stroke-linecap": "round" });
       svg(group, "path", { d: this.path(person, () => true), "stroke-opacity": 0.35, "stroke-width": 1 });
       svg(group, "path", { d: this.path(person, (frame) => person.valid[frame]) });
@@ -138,22 +148,28 @@ class MeasureChart extends Chart {
     return CHART.top + ((this.high - value) / (this.high - this.low)) * (CHART.height - CHART.top - CHART.bottom);
   }
 
+  // Where many frames share a pixel, the least and the greatest value stand for them.
   path(person, counts) {
+    const together = Math.max(1, Math.floor(frameCount / this.width));
     let path = "", drawing = false;
-    for (let frame = 0; frame < frameCount; frame++) {
-      const value = this.measure.value(person, frame);
-      const shown = counts(frame) && !Number.isNaN(value);
+    for (let first = 0; first < frameCount; first += together) {
+      let low = Infinity, high = -Infinity;
+      for (let frame = first; frame < Math.min(first + together, frameCount); frame++) {
+        const value = counts(frame) ? this.measure.value(person, frame) : NaN;
+        if (value < low) low = value;
+        if (value > high) high = value;
+      }
+      const shown = low <= high, x = this.across(first).toFixed(1);
       // A lone value is a dot: a line of no length with round ends.
-      if (shown) path += `${drawing ? "L" : "M"}${this.across(frame).toFixed(1)} ${this.up(value).toFixed(1)}${drawing ? "" : "h0"}`;
+      if (shown) path += `${drawing ? "L" : "M"}${x} ${this.up(low).toFixed(1)}${drawing ? "" : "h0"}`;
+      if (high > low) path += `L${x} ${this.up(high).toFixed(1)}`;
       drawing = shown;
     }
     return path;
   }
 
   draw() {
-    if (!this.lines || !this.cursor) return;
-    this.moveCursor();
-    people.forEach((person, i) => this.lines[i].setAttribute("opacity", isFaded(person) ? 0.15 : 1));
+    if (!this.follow()) return;
     const { value, digits, unit: unitName } = this.measure;
     this.sayNow((person) => {
       const now = value(person, state.frame);
@@ -165,7 +181,7 @@ class MeasureChart extends Chart {
 // When feet rest: a lane a foot.
 class ContactChart extends Chart {
   constructor(parent) {
-    super(parent, "Feet on the ground", "left above right");
+    super(parent, "Resting feet", "left above right");
     this.makeDrawing("Contacts of the feet over time");
   }
 
@@ -173,7 +189,7 @@ class ContactChart extends Chart {
     this.drawFrameNumbers();
     const room = CHART.height - CHART.top - CHART.bottom, lane = room / Math.max(people.length, 1);
     const width = (this.width - CHART.left - CHART.right) / Math.max(frameCount - 1, 1);
-    this.lanes = people.map((person, index) => {
+    return people.map((person, index) => {
       const group = svg(this.drawing, "g", { fill: person.css });
       const top = CHART.top + index * lane, thick = Math.max(1, Math.min(16, lane * 0.4));
       if (lane >= 9) svg(group, "text", { x: CHART.left - 5, y: top + lane / 2 + 3, "text-anchor": "end" }, `${person.id}`);
@@ -188,10 +204,7 @@ class ContactChart extends Chart {
   }
 
   draw() {
-    if (!this.lanes || !this.cursor) return;
-    this.moveCursor();
-    people.forEach((person, i) => this.lanes[i].setAttribute("opacity", isFaded(person) ? 0.15 : 1));
-    this.sayNow((person) => restingFeet(person) || "none");
+    if (this.follow()) this.sayNow((person) => restingFeet(person) || "none");
   }
 }
 

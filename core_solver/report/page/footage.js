@@ -100,6 +100,7 @@ class FootageView {
   }
 
   draw() {
+    if (!isOnScreen(this.view)) return;
     this.fitFrame();
     this.drawPicture();
     if (!fitCanvas(this.bones)) return;

@@ -53,6 +53,7 @@ const charts = [
 const parts = [footageView, space, new TopView(), ...charts, new PeoplePanel(), new FindingsPanel(), new Transport()];
 for (const part of parts) whenDrawn(() => part.draw());
 addEventListener("resize", redraw);
+addEventListener("scroll", redraw, { passive: true });
 document.getElementById("space-view").addEventListener("pointerdown", () => {
   document.getElementById("space-hint").hidden = true;
 }, { once: true });

@@ -7,6 +7,12 @@ function openStage(canvas, alpha) {
   return gl;
 }
 
+// Whether any of an element can be seen: what has been scrolled away need not be drawn.
+function isOnScreen(element) {
+  const { top, bottom } = element.getBoundingClientRect();
+  return bottom > 0 && top < innerHeight;
+}
+
 // Give the canvas as many pixels as it covers on the screen; true if it covers any.
 function fitCanvas(canvas) {
   const sharp = Math.min(window.devicePixelRatio || 1, 2);

@@ -16,6 +16,7 @@ class TopView {
     this.box = document.getElementById("top-view");
     this.canvas = document.getElementById("top-cloud");
     this.lines = document.getElementById("top-lines");
+    this.now = document.getElementById("top-now");  // of its own: what moves must not paint the paths again
     this.lines.addEventListener("click", (event) => this.tap(event));
     new ResizeObserver(() => {
       this.build();
@@ -37,12 +38,15 @@ class TopView {
     this.scale = Math.min(width / (high[0] - low[0] + 2 * margin), height / (high[1] - low[1] + 2 * margin), 160);
     this.origin = [width / 2 - (this.scale * (low[0] + high[0])) / 2, height / 2 + (this.scale * (low[1] + high[1])) / 2];
     this.drawCloud();
-    this.lines.replaceChildren();
-    this.lines.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    for (const layer of [this.lines, this.now]) {
+      layer.replaceChildren();
+      layer.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    }
     this.drawGrid(width, height);
     this.drawCamera();
     this.paths = people.map((person) => this.drawPath(person));
     this.dots = people.map((person) => this.drawPerson(person));
+    this.shownPerson = undefined;
   }
 
   at(place) {
@@ -102,7 +106,7 @@ class TopView {
   }
 
   drawPerson(person) {
-    const group = svg(this.lines, "g", {});
+    const group = svg(this.now, "g", {});
     svg(group, "path", { d: "M0 -13 L5 -5 L-5 -5 Z", fill: person.css, stroke: "#131416" });  // where the chest points
     svg(group, "circle", { r: 6, fill: person.css, stroke: "#fff", "stroke-width": 1.5 });
     return group;
@@ -117,8 +121,9 @@ class TopView {
       const turn = (Math.atan2(left[1] - right[1], left[0] - right[0]) * 180) / Math.PI;
       this.dots[index].setAttribute("transform", `translate(${x.toFixed(1)} ${y.toFixed(1)}) rotate(${(180 - turn).toFixed(1)})`);
       this.dots[index].setAttribute("opacity", isFaded(person) ? 0.3 : isFilled(person) ? 0.6 : 1);
-      this.paths[index].setAttribute("opacity", isFaded(person) ? 0.2 : 1);
     });
+    if (this.shownPerson !== state.person) people.forEach((person, index) => this.paths[index].setAttribute("opacity", isFaded(person) ? 0.2 : 1));
+    this.shownPerson = state.person;
   }
 
   // A tap near a path goes to the moment when that person was there.

@@ -5,7 +5,7 @@ const LANE = { most: 12, least: 3, room: 72 };
 class Transport {
   constructor() {
     const get = (id) => document.getElementById(id);
-    Object.assign(this, { lanes: get("lanes"), drawing: get("lane-lines"), scrub: get("scrub"), play: get("play"), number: get("number"), clock: get("clock"), speed: get("speed") });
+    Object.assign(this, { lanes: get("lanes"), drawing: get("lane-lines"), marker: get("lane-marker"), scrub: get("scrub"), play: get("play"), number: get("number"), clock: get("clock"), speed: get("speed") });
     this.icon = this.play.querySelector("path");
     this.scrub.max = frameCount - 1;
     Object.assign(this.number, { min: videoFrame(0), max: videoFrame(frameCount - 1), step: page.frame_step });
@@ -53,7 +53,8 @@ class Transport {
     for (const finding of page.findings)
       for (const [first, last] of finding.spans)
         svg(drawing, "rect", { x: this.across(first) - 1, width: Math.max(3, this.across(last) - this.across(first) + 2), y: 1, height: 3, rx: 1, fill: "#e0b050" });
-    this.cursor = svg(drawing, "g", {});
+    this.marker.replaceChildren();
+    this.cursor = svg(this.marker, "g", {});
     svg(this.cursor, "line", { x1: 0, x2: 0, y1: 0, y2: height, stroke: "#fff", "stroke-width": 2 });
     svg(this.cursor, "path", { d: "M-5 0 H5 L0 7 Z", fill: "#fff" });
   }

@@ -68,7 +68,7 @@ class Space {
   }
 
   draw() {
-    if (!fitCanvas(this.canvas)) return;
+    if (!isOnScreen(this.box) || !fitCanvas(this.canvas)) return;
     const eye = this.matrices(), project = this.projector(eye.both);
     if (this.gl) this.drawStage(eye); else this.drawFlat(project);
     this.labels.draw(project, this.canvas.clientWidth, this.canvas.clientHeight, state.layers.names);

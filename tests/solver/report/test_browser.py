@@ -96,15 +96,14 @@ def test_space_plays_in_the_takes_own_time_and_stops(tab):
     tab.wait_for("report.state.frame >= 5")
     tab.press(" ")
     assert not tab.value("report.state.playing")
-    stopped = frame(tab)
-    passed = tab.value(
-        "new Promise(done => { const start = performance.now(); report.seek(0); report.play();"
-        "const look = () => report.state.frame >= 25 ? done(performance.now() - start) : requestAnimationFrame(look);"
-        "look(); })"
+    milliseconds, reached = tab.value(
+        "new Promise(done => { report.seek(0); const start = performance.now(); report.play(); const look = () => {"
+        "if (report.state.frame < 12) return requestAnimationFrame(look);"
+        "done([performance.now() - start, report.state.frame]); }; look(); })"
     )
-    tab.value("report.pause()")
-    assert 900 < passed < 2500  # 25 frames at 25 a second, and a slow machine
-    assert stopped < FRAMES
+    # However slow the machine draws, the frame belongs to the time that has passed: 25 a second.
+    assert reached / 25 <= milliseconds / 1000 + 0.01
+    assert reached / 25 > milliseconds / 1000 - 0.5
 
 
 def test_play_button_and_speed(tab):
@@ -129,7 +128,7 @@ def test_the_timeline_scrubs_and_everything_follows(tab):
     tab.wait_for(f"report.shownPicture() === {middle}")
     assert tab.value("document.getElementById('number').value") == str(middle)
     assert f"{middle / 25:.2f}" in tab.value("document.getElementById('clock').textContent")
-    cursors = tab.value("[...document.querySelectorAll('.chart .cursor')].map(c => Number(c.getAttribute('x1')))")
+    cursors = tab.value("[...document.querySelectorAll('.chart .cursor')].map(c => c.style.transform)")
     assert len(cursors) == 5  # the sixth chart says why there is none
     assert len(set(cursors)) == 1
 
