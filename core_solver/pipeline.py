@@ -100,7 +100,7 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
     body = load_body(options.body or store.require("open-body"))
     networks = _choose_networks(options, store, clip, body, progress)
     if options.networks:
-        camera = _seen_camera(camera, networks, clip, progress)
+        camera = seen_camera(camera, networks, clip, progress)
     depth_source = _depth_source(networks, clip, progress)
     observations = list(observe(clip, networks, work_directory(options.output), progress, resume=options.resume))
     size = (clip.width, clip.height)
@@ -212,7 +212,7 @@ def build_scene(
     )
 
 
-def _seen_camera(camera: Camera, networks: Networks | Helpers, clip: VideoClip, progress: Progress) -> Camera:
+def seen_camera(camera: Camera, networks: Networks | Helpers, clip: VideoClip, progress: Progress) -> Camera:
     """In place of an assumed field of view the one that a declared depth network sees, if it says."""
     if not camera.source.startswith("assumed"):
         return camera
@@ -291,4 +291,5 @@ def _settings(options: SolveOptions) -> dict[str, str | float | int | bool | Non
         "start_s": options.start_s, "end_s": options.end_s, "every": options.every, "people": options.people,
         "points": options.points, "seed": options.seed, "device": options.device,
         "modalities": options.modalities is not None,
+        "networks": ", ".join(Path(name).stem for name in options.networks),
     }  # fmt: skip

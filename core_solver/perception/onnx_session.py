@@ -32,10 +32,14 @@ def open_session(path: Path, device: str = "cpu") -> onnxruntime.InferenceSessio
     # Fuses operators and lays convolutions out for this processor: done once, at loading.
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_ALL
     options.log_severity_level = 4
+    wanted = providers(device, path.name)
     try:
-        return onnxruntime.InferenceSession(str(path), options, providers=providers(device, path.name))
+        session = onnxruntime.InferenceSession(str(path), options, providers=wanted)
     except Exception as error:  # onnxruntime's errors have no public base class
         raise ModelError(f"{path} is no readable ONNX network: fetch it again or give another one") from error
+    if wanted[0] not in session.get_providers():
+        _log.warning("CUDA could not be started, so %s runs on the processor: check the CUDA libraries", path.name)
+    return session
 
 
 def providers(device: str, name: str) -> list[str]:

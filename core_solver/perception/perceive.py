@@ -66,15 +66,8 @@ class Networks:
         return self.declared.depth or open_disparity(self.disparity_files, width, height)
 
     def field_of_view(self, images: Iterable[Image]) -> float | None:
-        """Degrees along the longer side as the declared depth network sees it, the median over pictures (H, W, 3) BGR.
-
-        None where no such network is declared, or it does not say.
-        """
-        if self.declared.depth is None:
-            return None
-        views = [self.declared.depth.look(image).field_of_view for image in images]
-        known = [view for view in views if view is not None]
-        return float(np.median(known)) if known else None
+        """Degrees along the longer side, as the declared depth network sees it; None where it does not say."""
+        return self.declared.field_of_view(images)
 
 
 def load_networks(store: ModelStore, depth: Path | None) -> Networks:

@@ -1,6 +1,6 @@
 """All declared networks together: which one does what, and in which order they look."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,6 +58,20 @@ class Declared:
         people = self.poses(image, people) if self.poses else people
         people = self.masks(image, people, labels) if self.masks else people
         return self.bodies(image, people) if self.bodies else people
+
+    def field_of_view(self, images: Iterable[Image]) -> float | None:
+        """Degrees along the longer side as the depth network sees it, the median over pictures (H, W, 3) BGR.
+
+        None where no such network is declared, or it does not say.
+
+        Raises:
+            ModelError: the network fails.
+        """
+        if self.depth is None:
+            return None
+        views = [self.depth.look(image).field_of_view for image in images]
+        known = [view for view in views if view is not None]
+        return float(np.median(known)) if known else None
 
 
 def open_declared(named: Sequence[str | Path], store: ModelStore, device: str) -> Declared:

@@ -198,7 +198,8 @@ def _about(table: object, path: Path) -> About:
     fields = About.__dataclass_fields__
     if not isinstance(table, dict) or any(key not in fields for key in table):
         raise ModelError(f"{path.name}: the table [about] may hold {', '.join(fields)} and nothing else")
-    return About(**table)
+    read = {key: _flag if key == "commercial" else _text for key in fields}
+    return About(**{key: _read(value, f"about.{key}", read[key], path) for key, value in table.items()})  # type: ignore[arg-type]
 
 
 def _read(value: object, key: str, read: Callable[[object], Any], path: Path) -> object:

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from core_solver.camera import camera_from_fov
 from core_solver.errors import ModelError
 from core_solver.perception.blazepose import BlazePose, BodyLandmarks
 from core_solver.perception.multipose import Pose
@@ -17,6 +18,7 @@ from core_solver.perception.networks.people import Person
 from core_solver.perception.observations import CroppedMask
 from core_solver.perception.perceive import Networks, label_size, perceive, with_declared
 from core_solver.perception.store import ModelStore
+from core_solver.pipeline import seen_camera
 from core_solver.progress import SilentProgress
 from core_solver.video import open_video
 from tests.solver.body.synthetic import make_stick_body
@@ -204,3 +206,26 @@ def test_somebody_whom_blazepose_does_not_see_stays_if_the_declared_networks_say
 def test_a_name_that_is_nothing(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="no network declaration nothing: give a TOML file, or one of"):
         with_declared(networks_of(Unused(), Unused()), ["nothing"], ModelStore(tmp_path), "cpu")
+
+
+def test_the_field_of_view_that_a_network_sees_replaces_an_assumed_one(tmp_path: Path) -> None:
+    # 96 pixels of focal length over a 96 pixels wide input: the width is seen under 53.1 degrees.
+    write_answers(
+        tmp_path / "pro.onnx",
+        [1, 3, 64, 96],
+        predicted_depth=np.full((1, 64, 96), 3.0),
+        focallength_px=np.array([96.0]),
+    )
+    toml = declare(tmp_path / "pro.toml", task="depth", decoder="metric-depth")
+    networks = with_declared(networks_of(Unused(), Unused()), [toml], ModelStore(tmp_path), "cpu")
+    clip = open_video(draw_video(tmp_path / "clip.avi"))
+    assumed = camera_from_fov(*PICTURE, 55.0, "assumed field of view")
+    seen = seen_camera(assumed, networks, clip, SilentProgress())
+    assert seen.fx == pytest.approx(PICTURE[0], rel=1e-6)
+    assert seen.source == "field of view seen by the depth network"
+    known = camera_from_fov(*PICTURE, 55.0, "field of view given by the user")
+    assert seen_camera(known, networks, clip, SilentProgress()) is known
+    write_grey_network(tmp_path / "silent.onnx", [64, 96])
+    silent = declare(tmp_path / "silent.toml", task="depth", decoder="metric-depth")
+    networks = with_declared(networks_of(Unused(), Unused()), [silent], ModelStore(tmp_path), "cpu")
+    assert seen_camera(assumed, networks, clip, SilentProgress()) is assumed

@@ -3,10 +3,12 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from core_solver.errors import ModelError
 from core_solver.perception.networks.kinds import KINDS, View
-from core_solver.perception.networks.spec import read_spec
+from core_solver.perception.networks.spec import NetworkSpec, parse_spec, read_spec
 from tests.solver.perception.networks.graphs import declare
 
 RTMPOSE = {
@@ -92,3 +94,28 @@ def test_every_decoder_can_be_declared(tmp_path: Path) -> None:
     for name, kind in KINDS.items():
         spec = read_spec(declare(tmp_path / f"{name}.toml", task=kind.task, decoder=name))
         assert spec.kind is kind
+
+
+KEYS = [*sorted(NetworkSpec.__dataclass_fields__), "task", "nonsense"]
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.sampled_from(["pose", "simcc"]),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@given(st.dictionaries(st.sampled_from(KEYS), VALUES, max_size=5), st.none() | VALUES, st.booleans())
+def test_whatever_stands_there_gives_a_declaration_or_one_line(network: dict, about: object, sound: bool) -> None:
+    table = {"network": {**(RTMPOSE | {"file": "a.onnx"} if sound else {}), **network}}
+    if about is not None:
+        table["about"] = about  # type: ignore[assignment]
+    spec, words = None, ""
+    try:
+        spec = parse_spec(table, Path("mine.toml"))
+    except ModelError as error:
+        words = str(error)
+    if spec is None:
+        assert words.startswith("mine.toml: ")
+    else:
+        assert len(spec.mean) == len(spec.std) == 3
+        assert isinstance(spec.about.commercial, bool)
