@@ -122,17 +122,26 @@ def read_people(path: Path) -> PeopleReference:
     return PeopleReference((width, height), frames)
 
 
-def people_boxes(people: Mapping[int, Somebody], frames: Sequence[int]) -> dict[int, dict[int, Array]]:
-    """{frame of the video: {id: box (4,)}} of the people who are solved, where they were seen.
+def people_boxes(
+    people: Mapping[int, Somebody], frames: Sequence[int], longest_gap: int = 0
+) -> dict[int, dict[int, Array]]:
+    """{frame of the video: {id: box (4,)}} of the people who are solved.
 
     Args:
         people: by id.
         frames: (T,) number in the video of every row.
+        longest_gap: rows without a sight over which a track is taken to go on in a straight line; 0 for seen rows only.
     """
     boxes: dict[int, dict[int, Array]] = {int(frame): {} for frame in frames}
     for number, somebody in people.items():
-        for sight in somebody.tracklet.sights if somebody.solved else ():
-            boxes[int(frames[sight.row])][number] = sight.detection.box.astype(float)
+        if not somebody.solved:
+            continue
+        rows = np.array([s.row for s in somebody.tracklet.sights])
+        seen = np.stack([s.detection.box for s in somebody.tracklet.sights]).astype(float)
+        for row in range(rows[0], rows[-1] + 1):
+            after = int(np.searchsorted(rows, row))
+            if rows[after] == row or rows[after] - rows[after - 1] - 1 <= longest_gap:
+                boxes[int(frames[row])][number] = np.array([np.interp(row, rows, side) for side in seen.T])
     return boxes
 
 

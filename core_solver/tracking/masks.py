@@ -24,14 +24,18 @@ def label_frame(
     people: Sequence[tuple[Sight, int]],
     image_size: tuple[int, int],
     label_size: tuple[int, int],
+    unclaimed: Sequence[CroppedMask] = (),
 ) -> Labels:
     """One frame's label grid.
+
+    Where a person without a mask may be, nothing is background.
 
     Args:
         masks: of all detections.
         people: the frame's sights, each with its track's id, or UNCLAIMED if nobody solves it.
         image_size: (width, height) pixels.
         label_size: (width, height) cells over the whole image.
+        unclaimed: where somebody may be whom none of the masks covers.
 
     Returns:
         (height, width): BACKGROUND, an id, or UNCLAIMED.
@@ -43,11 +47,33 @@ def label_frame(
     for mask in masks:
         values, place = _clipped(mask, label_size)
         votes = [_votes(values, place, own) for own in cells]
+        # Whoever has no mask stands mostly behind somebody else, whose mask then holds the joints of both.
+        owned = [
+            vote if sight.detection.mask.values.size else 0 for vote, (sight, _) in zip(votes, people, strict=True)
+        ]
+        votes = owned if any(owned) else votes
         owner = people[int(np.argmax(votes))][1] if votes and max(votes) > 0 else UNCLAIMED
         wins = values > surest[place]
         surest[place][wins] = values[wins]
         labels[place][wins] = owner
+    for values, place in [_clipped(mask, label_size) for mask in unclaimed]:
+        _withdraw(labels[place], values > _HALF)
+    for sight, _ in people:
+        if not sight.detection.mask.values.size:
+            _withdraw(labels[_box_cells(sight, image_size, label_size)], True)
     return _smoothed(labels)
+
+
+def _withdraw(labels: Labels, where: NDArray[np.bool_] | bool) -> None:
+    """Background there becomes nobody's, in place."""
+    labels[(labels == BACKGROUND) & where] = UNCLAIMED
+
+
+def _box_cells(sight: Sight, image_size: tuple[int, int], label_size: tuple[int, int]) -> tuple[slice, slice]:
+    """Rows and columns of the label grid that a sight's box touches."""
+    left, top, right, bottom = sight.detection.box * np.tile(np.array(label_size) / image_size, 2)
+    rows = slice(max(int(top), 0), max(int(np.ceil(bottom)), 0))
+    return rows, slice(max(int(left), 0), max(int(np.ceil(right)), 0))
 
 
 def _confident_cells(sight: Sight, image_size: tuple[int, int], label_size: tuple[int, int]) -> NDArray[np.int64]:

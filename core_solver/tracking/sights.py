@@ -36,7 +36,8 @@ class Sight:
         detection: what was seen.
         centre: (2,) middle of the torso; legs swing and boxes shrink behind furniture, torsos do neither.
         size: longer side of the box, the yardstick of every gate.
-        looks: in [0, 1], how far the appearance can be trusted: without a mask it also shows what stands in front.
+        looks: in [0, 1], how far the appearance can be trusted: without a mask it also shows what stands in front; 0
+            where there is none.
     """
 
     row: int
@@ -54,17 +55,19 @@ class FrameSights:
     Attributes:
         sights: one a person, in an order that does not depend on the detector's.
         masks: of all detections, duplicates too: a better reading's mask may come from the worse one.
+        unclaimed: where somebody may be whom none of the masks covers.
     """
 
     sights: tuple[Sight, ...]
     masks: tuple[CroppedMask, ...]
+    unclaimed: tuple[CroppedMask, ...]
 
 
 def frame_sights(observations: FrameObservations, row: int) -> FrameSights:
     """The people of a frame, each once."""
     detections = sorted(observations.detections, key=_canonical_key)
     sights = [_sight(d, row, observations.frame.time) for d in detections]
-    return FrameSights(tuple(_without_duplicates(sights)), tuple(d.mask for d in detections))
+    return FrameSights(tuple(_without_duplicates(sights)), tuple(d.mask for d in detections), observations.unclaimed)
 
 
 def stacked(sights: Sequence[Sight], name: str) -> Array:
@@ -124,6 +127,7 @@ def _sight(detection: Detection, row: int, time: float) -> Sight:
     else:
         centre = np.array([left + right, top + bottom]) / 2
     looks = 1.0 if detection.mask.values.size else _LOOKS_WITHOUT_MASK
+    looks *= float(np.any(detection.appearance))  # skeletons that other programs found come without clothes
     return Sight(row, float(time), detection, centre, max(right - left, bottom - top, 1.0), looks)
 
 

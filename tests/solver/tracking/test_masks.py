@@ -49,6 +49,22 @@ def test_half_probability_is_background():
     assert labels_of([(sight_at(320, mask=block(66, 40, 28, 40, 128)), 1)]).any()
 
 
+def test_where_a_person_without_a_mask_is_nothing_is_background():
+    hidden = sight_at(320, mask=block(0, 0, 0, 0))
+    near = sight_at(360, mask=block(75, 40, 30, 40))
+    labels = labels_of([(hidden, 1), (near, 2)])
+    assert np.all(labels[47:74, 76:104] == 2)
+    assert np.all(labels[50:70, 72:74] == UNCLAIMED)
+    assert not (labels == 1).any()
+    assert not labels[:, :68].any()
+
+
+def test_places_where_somebody_may_be_are_not_background():
+    labels = label_frame([], [], IMAGE_SIZE, LABEL_SIZE, [block(10, 20, 30, 40), block(90, 20, 30, 40, 100)])
+    assert np.all(labels[20:60, 10:40] == UNCLAIMED)
+    assert not labels[:, 60:].any()
+
+
 def test_a_mask_goes_to_the_person_with_most_joints_inside():
     # Both readings carry the other's mask: the joints decide, not the detection the mask came with.
     left = sight_at(200, mask=block(66 + 30, 40, 28, 40))
