@@ -65,6 +65,8 @@ class PersonScores:
         true_height_m: in truth, None where not known.
         mrpe_mm: mean root position error.
         mpjpe_mm: joint error, root-relative.
+        jitter_wham: third derivative in 10 m/s^3.
+        true_jitter_wham: the truth's own.
     """
 
     name: str
@@ -73,6 +75,8 @@ class PersonScores:
     true_height_m: float | None
     mrpe_mm: float | None
     mpjpe_mm: float | None
+    jitter_wham: float | None
+    true_jitter_wham: float | None
 
 
 @dataclass(frozen=True)
@@ -209,6 +213,8 @@ def person_scores(truth: RealTruth, people: TakePeople, pairing: Pairing) -> tup
                 true_height_m=float(truth.heights[n]) if np.isfinite(truth.heights[n]) else None,
                 mrpe_mm=metrics.mrpe(pairing.roots[one], pairing.true_roots[one], pairing.mask[one]),
                 mpjpe_mm=metrics.mean_or_none(errors * MILLIMETRES),
+                jitter_wham=motion.jitter_wham(pairing.joints[one], pairing.mask[one], people.frame_rate),
+                true_jitter_wham=motion.jitter_wham(pairing.true_joints[one], pairing.mask[one], people.frame_rate),
             )
         )
     return tuple(scores)

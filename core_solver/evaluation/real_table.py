@@ -38,7 +38,7 @@ def _block(rows: Sequence[RealRow], columns: Sequence[Column]) -> str:
 
 
 def _people(rows: Sequence[RealRow]) -> str:
-    table = [["", "in the take", "height m", "true height m", "MRPE mm", "MPJPE mm"]]
+    table = [["", "in the take", "height m", "true height m", "MRPE mm", "MPJPE mm", "jitter WHAM", "truth's"]]
     table += [
         [f"{row.sequence}: {person.name}", _id(person), *(_number(value, digits) for value, digits in _facts(person))]
         for row in rows
@@ -48,7 +48,10 @@ def _people(rows: Sequence[RealRow]) -> str:
 
 
 def _facts(person: PersonScores) -> tuple[tuple[float | None, int], ...]:
-    return (person.height_m, 3), (person.true_height_m, 3), (person.mrpe_mm, 0), (person.mpjpe_mm, 1)
+    return (
+        (person.height_m, 3), (person.true_height_m, 3), (person.mrpe_mm, 0), (person.mpjpe_mm, 1),
+        (person.jitter_wham, 1), (person.true_jitter_wham, 1),
+    )  # fmt: skip
 
 
 def _id(person: PersonScores) -> str:

@@ -83,6 +83,9 @@ def test_a_right_take_has_no_errors_and_the_names_of_the_synthetic_results(capsy
         assert row[name] is None, name
     assert row["jitter_wham"] == pytest.approx(row["true_jitter_wham"], rel=1e-3)
     assert [person["take_id"] for person in row["people"]] == [1, 2, 3]
+    jitters = [person["jitter_wham"] for person in row["people"]]
+    assert jitters == pytest.approx([person["true_jitter_wham"] for person in row["people"]], rel=1e-3)
+    assert np.mean(jitters) == pytest.approx(row["jitter_wham"])
 
 
 def test_a_shift_is_an_absolute_error_alone(capsys, case):
