@@ -12,8 +12,8 @@ from core_solver.report.document import PageDocument
 
 # In the order in which the browser must read them.
 _SCRIPTS = (
-    "data.js", "maths.js", "state.js", "bodies.js", "stage.js", "orbit.js", "sketch.js", "view3d.js", "footage.js",
-    "topview.js", "charts.js", "panels.js", "transport.js", "main.js",
+    "data.js", "maths.js", "state.js", "bodies.js", "stage.js", "orbit.js", "sketch.js", "screen.js", "view3d.js",
+    "footage.js", "topview.js", "charts.js", "panels.js", "transport.js", "main.js",
 )  # fmt: skip
 
 

@@ -81,6 +81,8 @@ function step(frames) {
   scrubTo(state.frame + frames);
 }
 
+const TURN = 0.08, ZOOM = 1.12;  // radians and share for each press of a key
+
 const KEYS = {
   " ": togglePlay,
   ArrowLeft: (event) => step(event.shiftKey ? -10 : -1),
@@ -89,6 +91,12 @@ const KEYS = {
   End: () => scrubTo(frameCount - 1),
   0: () => choose(null),
   Escape: () => choose(null),
+  a: () => turnView({ yaw: state.view.yaw + TURN }),
+  d: () => turnView({ yaw: state.view.yaw - TURN }),
+  w: () => turnView({ pitch: state.view.pitch + TURN }),
+  s: () => turnView({ pitch: state.view.pitch - TURN }),
+  "+": () => turnView({ distance: state.view.distance / ZOOM }),
+  "-": () => turnView({ distance: state.view.distance * ZOOM }),
 };
 
 function onKey(event) {

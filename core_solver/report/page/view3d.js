@@ -1,6 +1,7 @@
 // People and scene in the world, with an eye that circles them.
 
 const BACKGROUND = [0.055, 0.059, 0.063];
+const FRUSTUM_DEPTH = 0.7;  // metres
 const GRID_REACH = 60;  // lines at most to each side of the middle
 
 class Space {
@@ -36,6 +37,7 @@ class Space {
     const upload = ({ positions, colours }) => this.marks.upload(positions, colours);
     this.grid = upload(this.lines.grid);
     this.frustum = upload(this.lines.frustum);
+    this.screen = new Screen(this.gl, pictureCorners(FRUSTUM_DEPTH));
     this.paths = this.lines.paths.map(upload);
     this.cloud = upload({ positions: cloud.points, colours: opaque(cloud.colours) });
   }
@@ -54,7 +56,7 @@ class Space {
     const near = Math.max(0.05, view.distance / 100);
     const projection = perspective(FIELD_OF_VIEW, aspect, near, near * 5000);
     const seen = viewMatrix(right, up, back, place);
-    return { view: seen, projection, both: product(projection, seen), light: unit([-0.35, 0.6, 0.72]) };
+    return { view: seen, projection, both: product(projection, seen), place, light: unit([-0.35, 0.6, 0.72]) };
   }
 
   // World points to [x, y, depth, pixels a metre] of the canvas on the page.
@@ -82,7 +84,11 @@ class Space {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     if (layers.cloud) this.marks.draw(this.cloud, eye.both, { mode: gl.POINTS, dotSize: 0.018 * canvas.height, strength: 0.95 });
     this.marks.draw(this.grid, eye.both, { mode: gl.LINES });
-    this.marks.draw(this.frustum, eye.both, { mode: gl.LINES });
+    // Who looks through the camera would see nothing else.
+    if (Math.hypot(...subtract(eye.place, lens.place)) > 2 * FRUSTUM_DEPTH) {
+      this.screen.draw(eye.both, footageView.picture, footageView.shown);
+      this.marks.draw(this.frustum, eye.both, { mode: gl.LINES });
+    }
     if (layers.paths) this.paths.forEach((path, i) => this.marks.draw(path, eye.both, { mode: gl.LINE_STRIP, strength: isFaded(people[i]) ? 0.2 : 1, above: true }));
     if (layers.bodies) this.bodies.draw(eye, 1);
     if (layers.bones) this.drawBones(eye);
@@ -145,11 +151,15 @@ function gridLines() {
   return { positions, colours };
 }
 
+// The corners of the footage's picture, this far in front of its lens: clockwise from the top left.
+function pictureCorners(depth) {
+  return [[0, 0], [lens.width, 0], [lens.width, lens.height], [0, lens.height]].map(([u, v]) =>
+    [(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, 1].reduce((sum, part, k) => add(sum, times3(lensAxes[k], part * depth)), lens.place));
+}
+
 // The footage's camera as a pyramid, and a line down to the ground.
 function frustumLines() {
-  const depth = 0.7, positions = [], colours = [];
-  const corners = [[0, 0], [lens.width, 0], [lens.width, lens.height], [0, lens.height]].map(([u, v]) =>
-    [(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, 1].reduce((sum, part, k) => add(sum, times3(lensAxes[k], part * depth)), lens.place));
+  const corners = pictureCorners(FRUSTUM_DEPTH), positions = [], colours = [];
   const segments = corners.flatMap((corner, i) => [[lens.place, corner], [corner, corners[(i + 1) % 4]]]);
   segments.push([lens.place, [lens.place[0], lens.place[1], 0]]);
   for (const [from, to] of segments) {

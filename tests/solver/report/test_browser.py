@@ -156,6 +156,17 @@ def test_the_mouse_orbits_zooms_and_moves(tab):
     assert view(tab)["yaw"] == turned["yaw"]
 
 
+def test_keys_orbit_and_zoom(tab):
+    before = view(tab)
+    for key in "aw+":
+        tab.press(key)
+    after = view(tab)
+    assert after["yaw"] > before["yaw"]
+    assert after["pitch"] > before["pitch"]
+    assert after["distance"] < before["distance"]
+    assert frame(tab) == 0
+
+
 def test_fingers_orbit_and_pinch(running, pages):
     running.open(pages["whole"], 390, 844, touch=True)
     x, y = running.centre("#space-view canvas")
