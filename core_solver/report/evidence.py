@@ -1,5 +1,7 @@
 """How far the solved bodies lie from what the networks saw in the picture, where the observations are still there."""
 
+import zipfile
+import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +28,7 @@ _KEYPOINTS = [keypoint_index(name) for name in _LIMBS]
 _SEEN = 0.1  # confidence below which a keypoint says nothing
 _SAME_PERSON = 0.5  # of the body's extent in the picture: a sight farther away is somebody else
 _NEAREST = 0.05  # metres in front of the lens
+_DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, IndexError, zipfile.BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ def read_reprojection(take: Take, work: Path) -> Reprojection | str:
         return f"The folder {work.name} with what the networks saw does not lie beside the take."
     try:
         return measure_reprojection(take, read_observations(work))
-    except (UserError, OSError, ValueError, KeyError, EOFError, IndexError):
+    except (UserError, *_DAMAGED):
         return f"What the networks saw is damaged or not finished in {work.name}."
 
 

@@ -15,7 +15,9 @@ from core_solver.video import VideoClip, open_video
 
 Image = NDArray[np.uint8]
 
-BYTES = 15_000_000  # of all pictures together, before base64 makes them a third longer
+BYTES = 15_000_000  # of the pictures of a short take together, before base64 makes them a third longer
+_SHORT = 300  # pictures; a longer take may have more bytes
+_LONG_SHARE = 1.6  # but never more than this many times as many
 _MOST_PICTURES = 900  # a longer take shows every second, third, ... frame
 _LONG_SIDES = (960, 800, 720, 640, 540, 450, 380, 320, 256, 200)  # pixels, the largest that fits is taken
 _QUALITY = 74
@@ -74,11 +76,12 @@ def _check_own(take: Take, clip: VideoClip, last: int) -> None:
 def _fitting_size(clip: VideoClip, positions: Sequence[int]) -> tuple[int, int]:
     """(width, height) of the largest pictures that keep within the budget."""
     spread = np.unique(np.linspace(0, len(positions) - 1, min(_SAMPLES, len(positions))).astype(int))
+    budget = _RESERVE * BYTES * min(max(len(positions) / _SHORT, 1.0), _LONG_SHARE)
     samples = [picture for _, picture in clip.frames_at([positions[p] for p in spread])]
 
     def fits(size: tuple[int, int]) -> bool:
         mean = sum(len(_encode(picture, size)) for picture in samples) / len(samples)
-        return mean * len(positions) <= _RESERVE * BYTES
+        return mean * len(positions) <= budget
 
     sizes = list(_sizes(clip))
     return next((size for size in sizes if fits(size)), sizes[-1])

@@ -124,5 +124,8 @@ def test_what_lies_beside_the_take(tmp_path):
     result = read_reprojection(take, work)
     assert isinstance(result, Reprojection)
     np.testing.assert_allclose(result.pixels[0], 7.0, atol=1e-3)
-    (folder / "00000.npz").write_bytes(b"no archive")
-    assert "damaged" in str(read_reprojection(take, work))
+    whole = (folder / "00000.npz").read_bytes()
+    middle = len(whole) // 2
+    for damaged in (b"no archive", whole[:middle], whole[:middle] + b"\0" * 200 + whole[middle + 200 :]):
+        (folder / "00000.npz").write_bytes(damaged)
+        assert "damaged" in str(read_reprojection(take, work))
