@@ -47,9 +47,11 @@ CONVENTIONS = (
     Convention(r"tcmonodepth", 1, (0, 0, 0), (1, 1, 1), 448, 32),
     Convention(r"dpt", 255, (0.5, 0.5, 0.5), (0.5, 0.5, 0.5), 384, 32),
     Convention(r"depth[-_ ]?anything|depthanything", 255, *_IMAGENET, 518, 14),
+    # MiDaS's own ONNX files take mean and deviation out themselves; other people's exports of it do not.
+    Convention(r"^model-(small|f6b98070|f46da743)\b", 255, (0, 0, 0), (1, 1, 1), 384, 32),
     Convention(r"midas", 255, *_IMAGENET, 384, 32),
 )
-"""The first whose pattern occurs in the file's name holds."""
+"""The first whose pattern occurs in the file's name holds; if none does, that of its folder counts."""
 
 _UNKNOWN = Convention("", 255, *_IMAGENET, 384, 32)
 
@@ -152,10 +154,11 @@ def nearest_shape(files: Sequence[Path], aspect: float) -> Path:
 
 
 def convention_for(path: Path) -> Convention:
-    """The family's convention by the file's name; ImageNet's for a name that tells nothing."""
-    for convention in CONVENTIONS:
-        if re.search(convention.pattern, path.name.lower()):
-            return convention
+    """The family's convention by the name of the file or its folder; ImageNet's for names that tell nothing."""
+    for name in (path.name.lower(), path.parent.name.lower()):
+        for convention in CONVENTIONS:
+            if re.search(convention.pattern, name):
+                return convention
     _log.warning("%s tells no known family of depth networks: the usual picture normalisation is assumed", path.name)
     return _UNKNOWN
 

@@ -74,12 +74,15 @@ def list_models(arguments: argparse.Namespace) -> int:
 
 def list_networks(store: ModelStore) -> None:
     """Print the ready declarations of networks: which are here, where they come from, what their licences allow."""
-    from core_solver.perception.networks.catalogue import known_networks  # noqa: PLC0415 - only where it is shown
+    from core_solver.perception.networks.catalogue import fetchable, known_networks  # noqa: PLC0415 - slow to load
 
     here = {file.name for file in store.files("networks")}
-    say("networks of others, for 'solve --network NAME': get the file from its page and add it with --task networks")
+    say("ready for 'solve --network NAME'; what is to be added: get the file, then 'models add FILE --task networks'")
     for spec in known_networks():
-        place = "here" if spec.file.name in here else "to be added"
+        if fetchable(spec, store):
+            place = state(store, store.entry(spec.toml.stem))
+        else:
+            place = "here" if spec.file.name in here else "to be added"
         use = "" if spec.about.commercial else "not commercial: "
         say(f"  {spec.toml.stem:36}{spec.kind.task:12}{place:20}{use}{spec.about.licence}  {spec.about.page}")
 

@@ -8,25 +8,28 @@ import onnxruntime
 
 from core_solver.errors import ModelError
 
-_MOST_THREADS = 4  # these small networks gain nothing from more
+SMALL_NETWORKS_THREADS = 4  # the default networks gain nothing from more
 
 _log = logging.getLogger(__name__)
 
 
-def open_session(path: Path, device: str = "cpu") -> onnxruntime.InferenceSession:
+def open_session(
+    path: Path, device: str = "cpu", most_threads: int = SMALL_NETWORKS_THREADS
+) -> onnxruntime.InferenceSession:
     """A session on the processor or on a CUDA device.
 
     Args:
         path: ONNX file.
         device: "cpu"; "cuda"; or "auto" for CUDA where onnxruntime has it. Without it, "cuda" gives a warning and a
             session on the processor.
+        most_threads: on the processor; one core is left to others in any case.
 
     Raises:
         ModelError: the file is missing, damaged or uses operators that onnxruntime lacks.
     """
     options = onnxruntime.SessionOptions()
     # One core is left to BlazePose, which runs beside these networks.
-    options.intra_op_num_threads = min(max((os.cpu_count() or 2) - 1, 1), _MOST_THREADS)
+    options.intra_op_num_threads = min(max((os.cpu_count() or 2) - 1, 1), most_threads)
     # Waiting threads must not eat the core on which another network runs.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     # Fuses operators and lays convolutions out for this processor: done once, at loading.

@@ -35,16 +35,22 @@ def read_declaration(named: str | Path, store: ModelStore) -> NetworkSpec:
 
 
 def network_file(entry: NetworkSpec, store: ModelStore) -> Path:
-    """Where the store keeps the network of a catalogue entry.
+    """Where the store keeps the network of a catalogue entry; the few that it can fetch are fetched.
 
     Raises:
-        ModelError: it has not been added yet.
+        ModelError: it has not been added yet, or cannot be fetched.
     """
+    if fetchable(entry, store):
+        return store.require(entry.toml.stem)
     for file in store.files(STORE_TASK):
         if file.name == entry.file.name:
             return file
-    name = entry.file
     raise ModelError(
-        f"the network {name.name} is not here: get it from {entry.about.page} and run "
-        f"'scene-aware-mocap models add FILE --task {STORE_TASK} --name {name.stem}'"
+        f"the network {entry.file.name} is not here: get it from {entry.about.page} and run "
+        f"'scene-aware-mocap models add FILE --task {STORE_TASK} --name {entry.file.stem}'"
     )
+
+
+def fetchable(entry: NetworkSpec, store: ModelStore) -> bool:
+    """Whether the store itself knows where to get the network of a catalogue entry."""
+    return any(known.name == entry.toml.stem for known in store.entries())

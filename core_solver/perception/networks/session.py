@@ -13,6 +13,8 @@ from core_solver.perception.networks.kinds import ANY, PerKeypoint, Role, View
 from core_solver.perception.networks.spec import NetworkSpec
 from core_solver.perception.onnx_session import open_session
 
+_MOST_THREADS = 64  # a user's network may be large
+
 _TYPES = {
     "tensor(float)": np.float32,
     "tensor(float16)": np.float16,
@@ -41,7 +43,7 @@ class DeclaredSession:
         if not spec.file.is_file():
             raise ModelError(f"{spec.toml.name}: there is no file {spec.file}: correct the key 'file'")
         self.spec = spec
-        self._session = open_session(spec.file, device)
+        self._session = open_session(spec.file, device, _MOST_THREADS)
         self._picture, *constants = self._split_inputs(self._session.get_inputs())
         self.batch, self.size = self._read_input(self._picture)
         self._constants = {node.name: self._constant(node) for node in constants}
@@ -149,6 +151,11 @@ class DeclaredSession:
             return None
         if len(names) == len(required):
             return names[required.index(role.name)]
+        if len(names) < len(required):
+            raise self._wrong(
+                f'has only the outputs {", ".join(names)}, the decoder "{self.spec.decoder}" wants '
+                f"{', '.join(required)}"
+            )
         raise self._wrong(
             f"has the outputs {', '.join(names)}: say with outputs.{role.name} in {self.spec.toml.name} which is "
             f"the {role.name}"

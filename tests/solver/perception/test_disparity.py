@@ -71,6 +71,9 @@ def test_each_family_gets_its_own_normalisation() -> None:
     np.testing.assert_allclose(usual[0, :, 0, 0], expected, rtol=1e-5)
     assert convention_for(Path("MiDaS_v21_small.onnx")).std == CONVENTIONS[-1].std
     assert convention_for(Path("midas_dpt_hybrid.onnx")).mean == (0.5, 0.5, 0.5)
+    # As the store names what it fetches: MiDaS's own file normalises by itself, the other is told by its folder.
+    assert convention_for(Path("midas-v2.1-small/model-small.onnx")).std == (1, 1, 1)
+    assert convention_for(Path("depth-anything-v2-small/model.onnx")).multiple == 14
 
 
 @given(st.integers(64, 4000), st.integers(64, 4000))

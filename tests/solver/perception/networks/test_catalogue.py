@@ -45,6 +45,13 @@ def test_an_entry_takes_its_network_from_the_store(tmp_path: Path) -> None:
     assert spec.keypoints == "coco17"
 
 
+def test_what_the_store_can_fetch_is_fetched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store, fetched = ModelStore(tmp_path), []
+    monkeypatch.setattr(store, "fetch", lambda name: fetched.append(name) or tmp_path / "fetched.onnx")
+    assert read_declaration("midas-v2.1-small", store).file == tmp_path / "fetched.onnx"
+    assert fetched == ["midas-v2.1-small"]
+
+
 def test_a_file_goes_before_nothing_else(tmp_path: Path) -> None:
     toml = declare(tmp_path / "mine.toml", task="depth", decoder="disparity")
     assert read_declaration(toml, ModelStore(tmp_path)).file == tmp_path / "mine.onnx"
@@ -62,6 +69,7 @@ def test_the_list_names_licences_and_what_is_here(tmp_path: Path, capsys: pytest
     assert set(lines) == set(BY_NAME)
     assert " here " in lines["rtmo-m"]
     assert " to be added " in lines["vitpose-base"]
+    assert " on request " in lines["midas-v2.1-small"]
     assert "https://github.com/ViTAE-Transformer/ViTPose" in lines["vitpose-base"]
     assert "not commercial" in lines["depth-anything-v2-large"]
     assert "not commercial" not in lines["depth-anything-v2-small"]

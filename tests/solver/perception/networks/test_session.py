@@ -86,6 +86,9 @@ def test_a_network_for_another_task(tmp_path: Path) -> None:
         ModelError, match=r"output 'simcc_x' is .* the decoder \"rtmo\" wants \(1, any, 5\) for its dets"
     ):
         opened(declare(tmp_path / "a.toml", task="pose", decoder="rtmo", outputs={"dets": "simcc_x"}))
+    write_answers(tmp_path / "b.onnx", [1, 3, 32, 32], depth=np.zeros((1, 8, 8)))
+    with pytest.raises(ModelError, match=r"has only the outputs depth, the decoder \"simcc\" wants x, y$"):
+        opened(declare(tmp_path / "b.toml", task="pose", decoder="simcc"))
     with pytest.raises(ModelError, match=r"has the outputs simcc_x, simcc_y: say with outputs.disparity in a.toml"):
         opened(declare(tmp_path / "a.toml", task="depth", decoder="disparity"))
 
