@@ -198,8 +198,8 @@ def _archive_array(file: Path) -> tuple[str, NDArray, Mapping[str, NDArray]]:
 
 
 def _stack(values: NDArray, frames: NDArray | None, file: Path) -> PlaneStack:
-    if min(values.shape[1:], default=0) < _SMALLEST_SIDE:
-        raise UserError(f"{file} holds {values.shape}: its pictures are too small")
+    if len(values) == 0 or min(values.shape[1:]) < _SMALLEST_SIDE:
+        raise UserError(f"{file} holds {values.shape}: no pictures, or too small ones")
     numbers = np.arange(len(values)) if frames is None else as_numbers(frames, file, "frames").ravel()
     whole = np.isfinite(numbers).all() and np.array_equal(numbers, np.round(numbers))
     if not whole or len(numbers) != len(values) or len(np.unique(numbers)) != len(numbers):

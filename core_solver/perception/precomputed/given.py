@@ -1,6 +1,6 @@
 """The modalities of a folder, frame by frame of the video and in its pixels."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -39,7 +39,8 @@ class GivenModalities:
         smpl: SMPL poses by frame; None likewise.
         depth: depth or disparity; None likewise.
         masks: people's masks; None likewise.
-        first: number of the video's first frame in depth files, and in masks.
+        first_depth: number of the video's first frame in the depth files.
+        first_masks: the same in the masks.
         size: (width, height) of the video.
         notes: sentences about what was found and how it was understood.
     """
@@ -50,7 +51,8 @@ class GivenModalities:
     smpl: Mapping[int, tuple[GivenPose, ...]] | None
     depth: GivenDepth | None
     masks: GivenMasks | None
-    first: Mapping[str, int]
+    first_depth: int
+    first_masks: int
     size: Size
     notes: tuple[str, ...]
 
@@ -66,13 +68,13 @@ class GivenModalities:
 
     def knows_masks_at(self, frame: int) -> bool:
         """Whether a frame's masks are given, be it that there are none in it."""
-        return self.masks is not None and frame + self.first["masks"] in self.masks.numbers
+        return self.masks is not None and frame + self.first_masks in self.masks.numbers
 
     def masks_at(self, frame: int) -> tuple[GivenMask, ...]:
         """The masks of a frame; their ids mean something where `identities_from` says so."""
         if self.masks is None or not self.knows_masks_at(frame):
             return ()
-        return self.masks.read(frame + self.first["masks"])
+        return self.masks.read(frame + self.first_masks)
 
     def disparity_at(self, frame: int) -> NDArray[np.float16] | None:
         """Normalised disparity of a frame, NaN where nothing is known; None where the folder has no depth.
@@ -82,7 +84,7 @@ class GivenModalities:
         """
         if self.depth is None:
             return None
-        number = frame + self.first["depth"]
+        number = frame + self.first_depth
         if number not in self.depth.planes.numbers:
             return np.full(self.depth.shape, np.nan, np.float16)
         plane = self.depth.read(number)
@@ -128,51 +130,45 @@ def open_modalities(path: Path, clip: VideoClip, body: BodyModel) -> GivenModali
     smpl = read_smpl(folder.smpl.path) if folder.smpl else None
     depth = read_depth(folder.depth.path, is_metric=folder.depth.is_metric) if folder.depth else None
     masks = read_masks(folder.masks.path) if folder.masks else None
-    numbers: dict[str, Collection[int]] = {}
-    if joints is not None:
-        numbers["joints"] = joints.people.keys()
-    if smpl is not None:
-        numbers["smpl"] = smpl.keys()
-    if depth is not None:
-        numbers["depth"] = depth.planes.numbers
-    if masks is not None:
-        numbers["masks"] = masks.numbers
-    sources = {name: source for name in numbers if (source := getattr(folder, name)) is not None}
-    first, notes = _count_frames(sources, numbers, len(open_video(clip.path).frame_list))
+    numbers = [
+        joints.people.keys() if joints is not None else (),
+        smpl.keys() if smpl is not None else (),
+        depth.planes.numbers if depth is not None else (),
+        masks.numbers if masks is not None else (),
+    ]
+    firsts, notes = _count_frames(folder, numbers, len(open_video(clip.path).frame_list))
+    first_joints, first_smpl, first_depth, first_masks = firsts
     if joints is not None and folder.joints is not None:
-        notes += joints.notes
-        joints, scaling = _fit_joints(joints, folder.joints, first["joints"], size)
-        notes += scaling
+        joints, scaling = _fit_joints(joints, folder.joints, first_joints, size)
+        notes += (*joints.notes, *scaling)
     if smpl is not None and folder.smpl is not None:
-        smpl = _fit_poses(smpl, folder.smpl, first["smpl"], size, body)
+        smpl = _fit_poses(smpl, folder.smpl, first_smpl, size, body)
     if depth is not None and folder.depth is not None:
-        wanted = [frame.index + first["depth"] for frame in clip.frame_list]
-        depth = with_range(depth, [n for n in wanted if n in depth.planes.numbers])
-        height, width = depth.planes.read(min(depth.planes.numbers)).shape
-        _require_shape(folder.depth, (width, height), size, _SAME_DEPTH_SHAPE)
+        depth = _fit_depth(depth, folder.depth, [frame.index + first_depth for frame in clip.frame_list], size)
     if masks is not None and folder.masks is not None:
         notes += _require_shape(folder.masks, masks.size, size, _SAME_SHAPE)
-    return GivenModalities(folder, body, joints, smpl, depth, masks, first, size, notes)
+    return GivenModalities(folder, body, joints, smpl, depth, masks, first_depth, first_masks, size, notes)
 
 
 def _count_frames(
-    sources: Mapping[str, Source], numbers: Mapping[str, Collection[int]], frame_count: int
-) -> tuple[dict[str, int], tuple[str, ...]]:
-    """The number of the video's first frame in each modality, and what is to be said about it."""
-    countings = []
-    for name, source in sources.items():
-        known = source.first is not None
-        countings.append(Counting(source.first, True) if known else count_from(numbers[name], frame_count))  # type: ignore[arg-type]
-    first = dict(zip(sources, agreed_first(countings), strict=True))
+    folder: Folder, numbers: Sequence[Collection[int]], frame_count: int
+) -> tuple[list[int], tuple[str, ...]]:
+    """The number of the video's first frame in joints, SMPL poses, depth and masks, and what is to be said about it."""
+    sources = (folder.joints, folder.smpl, folder.depth, folder.masks)
+    countings = [
+        Counting(source.first, certain=True) if source and source.first is not None else count_from(own, frame_count)
+        for source, own in zip(sources, numbers, strict=True)
+    ]
+    firsts = agreed_first(countings)
     notes = []
-    for name, source in sources.items():
-        if not numbers[name]:
-            notes.append(f"{source.label}: {name}, but of no frame.")
-            continue
-        beyond = check_range(numbers[name], first[name], frame_count, source.label)
-        ends = f", {beyond} beyond the video's end are not used" if beyond else ""
-        notes.append(f"{source.label}: {name} of {len(numbers[name])} frames, counted from {first[name]}{ends}.")
-    return first, tuple(notes)
+    for source, own, first in zip(sources, numbers, firsts, strict=True):
+        if source is not None and own:
+            beyond = check_range(own, first, frame_count, source.label)
+            ends = f", {beyond} beyond the video's end are not used" if beyond else ""
+            notes.append(f"{source.label}: {len(own)} frames, counted from {first}{ends}.")
+        elif source is not None:
+            notes.append(f"{source.label}: nothing about any frame.")
+    return firsts, tuple(notes)
 
 
 def _fit_joints(joints: GivenJoints, source: Source, first: int, size: Size) -> tuple[GivenJoints, tuple[str, ...]]:
@@ -207,6 +203,13 @@ def _fit_poses(
 
     fitted = {number - first: tuple(map(fit, poses)) for number, poses in smpl.items()}
     return fitted if source.identities else without_pose_identities(fitted)
+
+
+def _fit_depth(depth: GivenDepth, source: Source, wanted: Sequence[int], size: Size) -> GivenDepth:
+    """Depth that knows its range over the wanted frame numbers."""
+    height, width = depth.planes.read(min(depth.planes.numbers)).shape
+    _require_shape(source, (width, height), size, _SAME_DEPTH_SHAPE)
+    return with_range(depth, [number for number in wanted if number in depth.planes.numbers])
 
 
 def _require_shape(source: Source, own: Size, video: Size, tolerance: float) -> tuple[str, ...]:

@@ -151,6 +151,9 @@ def test_all_frames_in_one_archive(tmp_path: Path) -> None:
     np.savez(tmp_path / "all.npz", disparity=stack, frames=[5, 5, 2])
     with pytest.raises(UserError, match="one whole number for each of the 3"):
         read_depth(tmp_path, is_metric=True)
+    np.savez(tmp_path / "all.npz", disparity=stack[:0])
+    with pytest.raises(UserError, match="no pictures"):
+        read_depth(tmp_path, is_metric=True)
 
 
 def test_large_planes_are_kept_small(tmp_path: Path) -> None:
