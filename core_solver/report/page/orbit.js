@@ -1,24 +1,25 @@
 // The eye of the 3D view: it circles a target. Yaw 0 looks the way the footage's camera looks.
 
-const FIELD_OF_VIEW = 0.7;  // radians, up and down
+const UPRIGHT = { roll: 0, fov: 0.7 };  // radians; the field of view is that up and down
 
 function eyeOf(view) {
   const [cosine, sine] = [Math.cos(view.pitch), Math.sin(view.pitch)];
   const back = [Math.sin(view.yaw) * cosine, -Math.cos(view.yaw) * cosine, sine];
-  const right = [Math.cos(view.yaw), Math.sin(view.yaw), 0];
+  const level = [Math.cos(view.yaw), Math.sin(view.yaw), 0], above = cross(back, level);
+  const right = add(times3(level, Math.cos(view.roll)), times3(above, Math.sin(view.roll)));
   return { back, right, up: cross(back, right), place: add(view.target, times3(back, view.distance)) };
 }
 
 function turnView(values) {
   const view = { ...state.view, ...values };
-  view.pitch = clamp(view.pitch, -0.3, Math.PI / 2);
+  view.pitch = clamp(view.pitch, -Math.PI / 2, Math.PI / 2);
   view.distance = clamp(view.distance, 0.3, 500);
   change({ view });
 }
 
 // Metres on the screen's plane through the target for one pixel.
 function metresPerPixel(canvas) {
-  return (2 * state.view.distance * Math.tan(FIELD_OF_VIEW / 2)) / Math.max(canvas.clientHeight, 1);
+  return (2 * state.view.distance * Math.tan(state.view.fov / 2)) / Math.max(canvas.clientHeight, 1);
 }
 
 function moveTarget(canvas, across, down) {
@@ -44,12 +45,16 @@ function extentOfPeople() {
 const VIEWPOINTS = {
   fit() {
     const { middle, reach } = extentOfPeople();
-    return { target: middle, distance: 3.6 + 2.6 * reach, yaw: 0.55, pitch: 0.32 };
+    return { target: middle, distance: 3.6 + 2.6 * reach, yaw: 0.55, pitch: 0.32, ...UPRIGHT };
   },
+  // As the footage is seen: tilted as its camera was, and as wide.
   camera() {
-    const forward = lensAxes[2], { middle } = extentOfPeople();
+    const [right, , forward] = lensAxes, { middle } = extentOfPeople();
     const distance = Math.max(1, dot(subtract(middle, lens.place), forward));
-    return { target: add(lens.place, times3(forward, distance)), distance, yaw: Math.atan2(-forward[0], forward[1]), pitch: Math.asin(clamp(-forward[2], -1, 1)) };
+    const yaw = Math.atan2(-forward[0], forward[1]), pitch = Math.asin(clamp(-forward[2], -1, 1));
+    const target = add(lens.place, times3(forward, distance));
+    const level = eyeOf({ target, distance, yaw, pitch, roll: 0 });
+    return { target, distance, yaw, pitch, roll: Math.atan2(dot(right, level.up), dot(right, level.right)), fov: 2 * Math.atan(lens.height / 2 / lens.fy) };
   },
   side() {
     return { ...VIEWPOINTS.fit(), yaw: Math.PI / 2, pitch: 0.06 };
@@ -79,7 +84,7 @@ function controlOrbit(canvas, tapped) {
     moved += Math.abs(across) + Math.abs(down);
     if (held.size === 1) {
       if (event.shiftKey || event.buttons & 6) moveTarget(canvas, across, down);
-      else turnView({ yaw: state.view.yaw - across * 0.008, pitch: state.view.pitch + down * 0.008 });
+      else turnView({ yaw: state.view.yaw - across * 0.008, pitch: state.view.pitch + down * 0.008, roll: 0 });
     } else {
       pinch(event.pointerId, before, now);
     }

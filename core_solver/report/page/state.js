@@ -9,7 +9,7 @@ const state = {
   opacity: 0.7,
   layers: { bodies: true, bones: false, cloud: true, paths: true, names: true },
   follow: false,
-  view: { target: [0, 0, 1], distance: 6, yaw: 0.5, pitch: 0.35 },
+  view: { target: [0, 0, 1], distance: 6, yaw: 0.5, pitch: 0.35, roll: 0, fov: 0.7 },
 };
 
 const views = [];

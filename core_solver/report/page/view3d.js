@@ -54,7 +54,7 @@ class Space {
     const view = this.view(), { right, up, back, place } = eyeOf(view);
     const aspect = this.canvas.clientWidth / Math.max(this.canvas.clientHeight, 1);
     const near = Math.max(0.05, view.distance / 100);
-    const projection = perspective(FIELD_OF_VIEW, aspect, near, near * 5000);
+    const projection = perspective(view.fov, aspect, near, near * 5000);
     const seen = viewMatrix(right, up, back, place);
     return { view: seen, projection, both: product(projection, seen), place, light: unit([-0.35, 0.6, 0.72]) };
   }
@@ -62,7 +62,7 @@ class Space {
   // World points to [x, y, depth, pixels a metre] of the canvas on the page.
   projector(both = this.matrices().both) {
     const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
-    const perMetre = height / (2 * Math.tan(FIELD_OF_VIEW / 2));
+    const perMetre = height / (2 * Math.tan(state.view.fov / 2));
     return (point) => {
       const [x, y, , w] = transform(both, point);
       return w < 0.05 ? null : [(x / w + 1) * 0.5 * width, (1 - y / w) * 0.5 * height, w, perMetre / w];

@@ -179,6 +179,20 @@ def test_fingers_orbit_and_pinch(running, pages):
     assert running.value("document.documentElement.scrollWidth") <= 390  # nothing sticks out on a phone
 
 
+def test_the_camera_view_is_the_footage(tab):
+    tab.value("[...document.querySelectorAll('#viewpoints button')].find(b => b.textContent === 'Camera').click()")
+    # Without its lens' distortion the footage is a picture of the 3D view's middle, in another size.
+    shown, height = tab.value(
+        "[[7, 15, 20, 0].map(j => report.project([...report.people[1].joints.slice(3 * j, 3 * j + 3)])),"
+        "document.querySelector('#space-view canvas').clientHeight]"
+    )
+    take = make_take(frames=FRAMES)
+    camera = camera_from_model(take.meta.camera)
+    joints = PosablePerson(take.people[1]).joints()[0, [7, 15, 20, 0]]
+    pixels = camera.project(joints, distorted=False) * height / camera.height
+    np.testing.assert_allclose(np.diff(np.array(shown)[:, :2], axis=0), np.diff(pixels, axis=0), atol=0.5)
+
+
 def test_people_are_chosen_by_card_key_and_click(tab):
     tab.click(tab.centre(".person:nth-child(2)"))
     assert tab.value("report.state.person") == 1
