@@ -126,7 +126,7 @@ def _poses(results: Any, file: Path) -> tuple[GivenPose, ...]:
     """People from one table of stacked arrays, or, as ROMP's first version wrote them, from a list of tables."""
     if isinstance(results, np.ndarray) and (results.dtype == object or results.size == 0):
         results = results.ravel().tolist()
-    if results is None:
+    if results is None or (isinstance(results, dict) and not results):
         return ()
     if isinstance(results, list):
         return tuple(pose for entry in results for pose in _poses(entry, file))

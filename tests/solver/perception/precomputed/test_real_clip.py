@@ -53,14 +53,17 @@ def write_ids(folder: Path, seen: list[FrameObservations], size: tuple[int, int]
         assert cv2.imwrite(str(folder / f"{o.frame.index + 1:05d}.png"), picture)
 
 
-def test_given_joints_and_masks_lead_blazepose_to_the_same_people(clip, seen, models, tmp_path: Path) -> None:
+@pytest.mark.parametrize("with_joints", [True, False])
+def test_given_joints_or_masks_lead_to_the_same_people(clip, seen, models, tmp_path: Path, with_joints: bool) -> None:
+    """Without joints the default networks find people, and the masks find them."""
     folder = tmp_path / "given"
-    write_alphapose(folder / "joints" / "alphapose-results.json", seen)
     write_ids(folder / "masks", seen, (clip.width, clip.height), label_size(clip.width, clip.height))
-    (folder / "modalities.toml").write_text("[joints]\nfirst = 1\n[masks]\nfirst = 1\nidentities = false\n")
+    (folder / "modalities.toml").write_text("[masks]\nfirst = 1\nidentities = false\n")
+    if with_joints:
+        write_alphapose(folder / "joints" / "alphapose-results.json", seen)
     given = open_modalities(folder, clip, load_body(models.require("open-body")))
     helpers = load_helpers(models, None, (), "cpu", given)
-    assert helpers.people is None
+    assert (helpers.people is None) == with_joints
     again = list(observe(clip, helpers, tmp_path / "w", SilentProgress(), resume=False))
     for before, after in zip(seen, again, strict=True):
         assert len(before.detections) == len(after.detections)
@@ -68,5 +71,5 @@ def test_given_joints_and_masks_lead_blazepose_to_the_same_people(clip, seen, mo
             np.testing.assert_allclose(e.keypoints[:17], d.keypoints[:17], atol=0.01)
             assert np.linalg.norm(e.landmarks - d.landmarks, axis=1).mean() < 0.06
             assert float(e.appearance @ d.appearance) > 0.9
-            overlap = np.count_nonzero(d.mask.values > 127), np.count_nonzero(e.mask.values > 127)
-            assert overlap[1] == pytest.approx(overlap[0], rel=0.1)
+            cells = [np.count_nonzero(x.mask.values > 127) for x in (d, e)]
+            assert cells[1] == pytest.approx(cells[0], rel=0.1)

@@ -49,10 +49,11 @@ def test_romp_a_file_a_frame(tmp_path: Path) -> None:
 def test_romp_of_old_a_list_of_people(tmp_path: Path) -> None:
     people = [{"cam": CAMERA[i], "poses": THETA[i], "betas": np.zeros(10), "pj2d_org": POINTS[i, :54]} for i in (0, 2)]
     np.savez(tmp_path / "000002.npz", results=people)
-    np.savez(tmp_path / "000003.npz", results=[])
+    for number, nobody in enumerate(([], {}, None), 3):
+        np.savez(tmp_path / f"{number:06d}.npz", results=nobody)  # type: ignore[arg-type]
     frames = read_smpl(tmp_path)
     assert_same(frames[2], [0, 2])
-    assert frames[3] == ()
+    assert [frames[number] for number in (3, 4, 5)] == [(), (), ()]
 
 
 def test_all_frames_in_one_file_by_name(tmp_path: Path) -> None:
