@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from core_solver.tracking.evidence import mean_score
 from core_solver.tracking.identities import Somebody
 from core_solver.tracking.repair import outlier_factor, swap_flipped_sides
-from core_solver.tracking.selection import mean_score
 from core_solver.tracking.sights import stacked
 from core_solver.tracking.tracklets import End, Tracklet, state_at_end, state_at_start
 from core_solver.tracking.tracks import Track

@@ -23,7 +23,7 @@ _LOOKED_AT = 40  # sights nearest to the absence
 _LEAST_SIGHTS = 8
 # One person's clothes, averaged over that many sights, agree to 0.005; those of two people dressed alike to 0.03.
 _SAME_CLOTHES = 0.010
-_RIVAL = 3.0  # times as unlike anybody else must be
+_RIVAL = 3.0  # times as unlike anybody else must be, and more than `_SAME_CLOTHES`
 _IN_DOUBT = _SAME_CLOTHES  # no longer a pair, still a rival of others
 _SIZE_RATIO = 1.8
 
@@ -51,7 +51,7 @@ def _sure_pairs(costs: Array) -> dict[int, int]:
     while costs.size and costs.min() < _SAME_CLOTHES:
         leaver, comer = (int(i) for i in np.unravel_index(np.argmin(costs), costs.shape))
         rivals = np.concatenate([np.delete(costs[:, comer], leaver), np.delete(costs[leaver], comer)])
-        if np.all(rivals > _RIVAL * costs[leaver, comer]):
+        if np.all(rivals > max(_RIVAL * costs[leaver, comer], _SAME_CLOTHES)):
             pairs[leaver] = comer
             costs[leaver], costs[:, comer] = FORBIDDEN, FORBIDDEN
         else:

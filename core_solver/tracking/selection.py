@@ -7,22 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from core_solver.tracking.evidence import MIN_FRAMES, mean_score, real_people
 from core_solver.tracking.tracklets import Tracklet
 from core_solver.tracking.tracks import UNCLAIMED, DroppedTrack
 
 Array = NDArray[np.float64]
 
-MIN_FRAMES = 8
 MIN_SHARE = 0.10
 MIN_SECONDS = 1.5
 TALL = 60.0  # pixels
 
-_MIN_SCORE = 0.15
-_MIN_CONFIDENCE = 0.15
-_STATIC_MOTION = (
-    0.03  # sizes: a poster or a coat on a stand moves less over the clip, the noise of its reading included
-)
-_STATIC_SCORE = 0.35
 _REPORTED_FRAMES = 3  # shorter sights are flicker of the detector, not somebody left out
 
 
@@ -60,33 +54,12 @@ def select_people(tracklets: Sequence[Tracklet], times: Array, people: int | Non
         times: (T,) seconds.
         people: at most this many, the best seen ones; None for everybody.
     """
-    candidates = [t for t in tracklets if is_person(t)]
+    candidates = real_people(tracklets)
     long_enough = [t for t in candidates if len(t.sights) >= required_frames(t, times)]
     limit = min(UNCLAIMED - 1, people if people is not None else UNCLAIMED - 1)
     best = sorted(long_enough, key=_prominence, reverse=True)[:limit]
     left_out = [t for t in candidates if t not in best and len(t.sights) >= min(_REPORTED_FRAMES, len(times))]
     return Selection(tuple(sorted(best, key=_appearance_order)), tuple(sorted(left_out, key=_appearance_order)))
-
-
-def mean_score(tracklet: Tracklet) -> float:
-    """Mean detection score over the sights."""
-    return float(np.mean([s.detection.score for s in tracklet.sights]))
-
-
-def is_person(tracklet: Tracklet) -> bool:
-    """Whether the sights together show a person and no lamp post, coat on a stand or flicker."""
-    score = mean_score(tracklet)
-    confidence = float(np.mean([s.detection.confidence for s in tracklet.sights]))
-    if score < _MIN_SCORE or confidence < _MIN_CONFIDENCE:
-        return False
-    return score >= _STATIC_SCORE or len(tracklet.sights) < MIN_FRAMES or _motion(tracklet) > _STATIC_MOTION
-
-
-def _motion(tracklet: Tracklet) -> float:
-    """Robust spread of the place over the sights, in sizes."""
-    centres = np.stack([s.centre for s in tracklet.sights])
-    spread = np.percentile(centres, 90, axis=0) - np.percentile(centres, 10, axis=0)
-    return float(np.linalg.norm(spread)) / tracklet.last.size
 
 
 def _prominence(tracklet: Tracklet) -> float:

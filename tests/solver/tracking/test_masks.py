@@ -110,13 +110,12 @@ def test_dilation_never_takes_a_neighbour_s_cell():
 @pytest.mark.parametrize(
     "mask",
     [
-        CroppedMask(0, 0, np.zeros((0, 0), np.uint8)),
         CroppedMask(10, 10, np.zeros((20, 20), np.uint8)),
         CroppedMask(-30, -30, np.full((20, 20), 255, np.uint8)),
         CroppedMask(HEIGHT + 5, WIDTH + 5, np.full((20, 20), 255, np.uint8)),
     ],
 )
-def test_empty_masks_and_masks_off_the_grid_leave_background(mask):
+def test_masks_of_nothing_and_masks_off_the_grid_leave_background(mask):
     assert not labels_of([(sight_at(320, mask=mask), 1)]).any()
 
 

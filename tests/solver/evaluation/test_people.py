@@ -1,0 +1,143 @@
+"""The measures of people found and kept apart, and what they say about the street clip."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core_solver.errors import UserError
+from core_solver.evaluation.people import (
+    NamedPerson,
+    PeopleReference,
+    describe_scores,
+    people_boxes,
+    read_people,
+    score_people,
+)
+from core_solver.perception.observations import CroppedMask, Detection, FrameInfo, FrameObservations
+from core_solver.tracking import find_people
+
+DATA = Path(__file__).resolve().parents[2] / "data"
+
+
+def box(left: float, height: float = 100.0) -> np.ndarray:
+    return np.array([left, 100.0, left + 40, 100 + height])
+
+
+def reference(*frames: dict[int, float], hidden: tuple[int, ...] = (), height: float = 100.0) -> PeopleReference:
+    """People by id at these left edges, in every tenth frame; `hidden` are hidden everywhere."""
+    return PeopleReference(
+        (640, 480),
+        {
+            10 * n: tuple(NamedPerson(i, tuple(box(x, height).tolist()), i in hidden) for i, x in people.items())
+            for n, people in enumerate(frames)
+        },
+    )
+
+
+def shown(*frames: dict[int, float]) -> dict[int, dict[int, np.ndarray]]:
+    return {10 * n: {i: box(x) for i, x in tracks.items()} for n, tracks in enumerate(frames)}
+
+
+def test_perfect_tracks() -> None:
+    scores = score_people(reference({1: 0, 2: 100}, {1: 10, 2: 90}), shown({7: 0, 8: 100}, {7: 10, 8: 90}))
+    assert (scores.precision, scores.recall, scores.switches, scores.fragmentations) == (1, 1, 0, 0)
+    assert scores.tracks_of == {1: (7,), 2: (8,)}
+    assert scores.faults == ()
+
+
+def test_counted_by_hand() -> None:
+    scores = score_people(
+        reference({1: 0, 2: 100}, {1: 0, 2: 100}, {1: 0, 2: 100}, {1: 0, 2: 100}),
+        shown({7: 0, 8: 100}, {7: 0}, {7: 0, 8: 100, 9: 300}, {8: 0, 7: 100}),
+    )
+    assert (scores.people, scores.wanted, scores.found, scores.false) == (2, 8, 7, 1)
+    assert scores.precision == pytest.approx(7 / 8)
+    assert scores.recall == pytest.approx(7 / 8)
+    assert scores.fragmentations == 1
+    assert scores.switches == 2
+    assert [f.frame for f in scores.faults] == [10, 20, 30]
+    assert scores.tracks_of == {1: (7, 8), 2: (8, 7)}
+    assert "frame 10: missed person 2" in describe_scores(scores)
+
+
+def test_a_pair_is_kept_while_it_fits_although_another_fits_better() -> None:
+    scores = score_people(reference({1: 0}, {1: 0}), shown({7: 0}, {7: 12, 8: 0}))
+    assert (scores.switches, scores.false) == (0, 1)
+
+
+def test_hidden_and_small_people_are_neutral() -> None:
+    truth = reference({1: 0, 2: 100}, hidden=(2,))
+    assert score_people(truth, shown({7: 0})).recall == 1
+    assert score_people(truth, shown({7: 0, 8: 100})).precision == 1
+    small = score_people(reference({1: 0}, height=59), {0: {7: box(0, 59)}})
+    assert (small.wanted, small.found, small.false) == (0, 0, 0)
+
+
+def test_an_absence_nobody_asks_about_is_no_fragmentation() -> None:
+    scores = score_people(reference({1: 0}, {}, {1: 0}), shown({7: 0}, {}, {7: 0}))
+    assert scores.fragmentations == 0
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"image_size": [1, 2]}', '{"image_size": [1], "frames": []}'])
+def test_files_that_are_no_reference(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "people.json"
+    path.write_text(text)
+    with pytest.raises(UserError, match=r"people.json is no reference"):
+        read_people(path)
+    with pytest.raises(UserError, match="no reference"):
+        read_people(tmp_path / "none.json")
+
+
+def street() -> list[FrameObservations]:
+    """What the default networks saw in the street clip's first 301 frames, rounded, without landmarks and masks."""
+    with np.load(DATA / "street_detections.npz") as stored:
+        arrays = {name: stored[name].astype(np.float32) for name in stored.files}
+    boxes = arrays["box"] / 4
+    middle = (boxes[:, None, :2] + boxes[:, None, 2:]) / 2
+    detections = [
+        Detection(
+            score=float(arrays["score"][i] / 255),
+            box=boxes[i],
+            keypoints=arrays["keypoints"][i] / 2 + middle[i],
+            confidence=arrays["confidence"][i] / 255,
+            landmarks=np.full((25, 3), np.nan, np.float32),
+            appearance=arrays["appearance"][i] / np.linalg.norm(arrays["appearance"][i]),
+            mask=CroppedMask(0, 0, np.full((1, 1) if arrays["masked"][i] else (0, 0), 255, np.uint8)),
+        )
+        for i in range(len(boxes))
+    ]
+    ends = np.cumsum(arrays["people"]).astype(int)
+    return [
+        FrameObservations(FrameInfo(frame, frame / 10), tuple(detections[end - int(count) : end]), None)
+        for frame, (end, count) in enumerate(zip(ends, arrays["people"], strict=True))
+    ]
+
+
+def test_everybody_on_the_street_gets_one_track() -> None:
+    observations, truth = street(), read_people(DATA / "street_people.json")
+    frames = [o.frame.index for o in observations]
+    found = find_people(observations, truth.image_size)
+    seen = score_people(truth, people_boxes(found.people, frames))
+    assert seen.people == 8
+    assert seen.precision >= 0.98
+    assert seen.recall >= 0.95
+    assert seen.switches == 0
+    assert all(len(tracks) == 1 for tracks in seen.tracks_of.values()), seen.tracks_of
+    # The sign and the lamp post are nobody: besides the eight there is only the person far away on the lawn.
+    assert sum(somebody.solved for somebody in found.people.values()) == 9
+    followed = score_people(truth, people_boxes(found.people, frames, longest_gap=10))
+    assert followed.fragmentations <= 1
+    assert followed.precision >= 0.98
+
+
+def test_the_reference_is_whole() -> None:
+    raw = json.loads((DATA / "street_people.json").read_text())
+    assert [f["frame"] for f in raw["frames"]] == list(range(0, 301, 10))
+    for frame in raw["frames"]:
+        ids = [p["id"] for p in frame["people"]]
+        assert len(set(ids)) == len(ids)
+        for left, top, right, bottom in (p["box"] for p in frame["people"]):
+            assert 0 <= left < right <= 768
+            assert 0 <= top < bottom <= 576
