@@ -104,14 +104,15 @@ class GivenDepth:
 
         Disparity is stretched frame by frame, as a network's is; metric depth keeps one scale for the clip.
         """
-        plane = self.planes.read(number)
-        if not self.is_metric:
+        plane = _shrunk(self.planes.read(number))
+        if self.is_metric:
+            inverse = _inverse(plane)
+            known = np.isfinite(inverse)
+            disparity = np.clip((np.where(known, inverse, 0) - self.low) / (self.high - self.low), 0, 1)
+        else:
             known = np.isfinite(plane)
-            return _shrunk(np.where(known, sharpen_edges(normalise(plane)), np.nan))
-        inverse = _inverse(plane)
-        disparity = np.clip((inverse - self.low) / (self.high - self.low), 0, 1)
-        known = np.isfinite(disparity)
-        return _shrunk(np.where(known, sharpen_edges(np.where(known, disparity, 0).astype(np.float32)), np.nan))
+            disparity = normalise(plane)
+        return np.where(known, sharpen_edges(disparity.astype(np.float32)), np.nan).astype(np.float16)
 
 
 def read_depth(path: Path, *, is_metric: bool) -> GivenDepth:
@@ -211,11 +212,11 @@ def _inverse(plane: Floats) -> Floats:
     return np.where(np.isfinite(plane) & (plane > 0), 1 / np.where(plane > 0, plane, 1), np.nan).astype(np.float32)
 
 
-def _shrunk(disparity: NDArray) -> NDArray[np.float16]:
+def _shrunk(plane: Floats) -> Floats:
     """At most `_LONG_SIDE` pixels long; taking single pixels keeps edges sharp and unknown ones apart."""
-    height, width = disparity.shape
+    height, width = plane.shape
     scale = _LONG_SIDE / max(height, width)
-    if scale < 1:
-        size = max(round(width * scale), 1), max(round(height * scale), 1)
-        disparity = cv2.resize(disparity.astype(np.float32), size, interpolation=cv2.INTER_NEAREST)
-    return disparity.astype(np.float16)
+    if scale >= 1:
+        return plane
+    size = max(round(width * scale), 1), max(round(height * scale), 1)
+    return cv2.resize(plane, size, interpolation=cv2.INTER_NEAREST)  # type: ignore[return-value]
