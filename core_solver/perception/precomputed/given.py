@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core_solver.body.model import BodyModel
 from core_solver.errors import UserError
 from core_solver.perception.precomputed.depth import GivenDepth, read_depth, with_range
-from core_solver.perception.precomputed.folder import Folder, Source, open_folder
+from core_solver.perception.precomputed.folder import SETTINGS_FILE, Folder, Source, open_folder
 from core_solver.perception.precomputed.joints import GivenJoints, GivenPerson, read_joints, without_identities
 from core_solver.perception.precomputed.masks import GivenMask, GivenMasks, read_masks
 from core_solver.perception.precomputed.numbering import Counting, agreed_first, check_range, count_from
@@ -160,12 +160,16 @@ def _count_frames(
         for source, own in zip(sources, numbers, strict=True)
     ]
     firsts = agreed_first(countings)
+    settled = {counting.first for counting in countings if counting.certain}
     notes = []
-    for source, own, first in zip(sources, numbers, firsts, strict=True):
+    for source, own, first, counting in zip(sources, numbers, firsts, countings, strict=True):
         if source is not None and own:
             beyond = check_range(own, first, frame_count, source.label)
+            guess = (
+                "" if counting.certain or settled == {first} else f" (a guess: `first` in {SETTINGS_FILE} settles it)"
+            )
             ends = f", {beyond} beyond the video's end are not used" if beyond else ""
-            notes.append(f"{source.label}: {len(own)} frames, counted from {first}{ends}.")
+            notes.append(f"{source.label}: {len(own)} frames, counted from {first}{guess}{ends}.")
         elif source is not None:
             notes.append(f"{source.label}: nothing about any frame.")
     return firsts, tuple(notes)

@@ -170,6 +170,18 @@ def test_wherever_counting_starts(tmp_path: Path, video: Path, couple, first: in
     np.testing.assert_allclose(found.tracks[0].keypoints[3, :17], truth.keypoints[3, :17], atol=1e-3)
 
 
+def test_a_guess_is_called_one_unless_others_settle_it(tmp_path: Path, video: Path, couple) -> None:
+    folder = tmp_path / "given"
+    file = write_alphapose(folder / "joints" / "a.json", couple)
+    people = json.loads(file.read_text())
+    file.write_text(json.dumps([p for p in people if p["image_id"] in ("img_000003.jpg", "img_000007.jpg")]))
+    (note,) = given(folder, video).notes
+    assert "2 frames, counted from 0 (a guess: `first` in modalities.toml settles it)" in note
+    write_disparity(folder / "disparity", couple, first=1)
+    notes = given(folder, video).notes
+    assert [("counted from 1." in n, "guess" in n) for n in notes] == [(True, False)] * 2
+
+
 def test_what_is_said_in_modalities_toml_goes_before(folder: Path, video: Path) -> None:
     (folder / "modalities.toml").write_text("[depth]\nfirst = 5\n")
     with pytest.raises(UserError, match=r"DPT_large_monodepth speaks of frames 0 to 11.*counted from 5"):
