@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core_solver.errors import UserError
-from core_solver.evaluation import real_cli
+from core_solver.evaluation import people_cli, real_cli
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -58,7 +58,7 @@ def add_parser(
         run=lambda options: evaluate_synthetic(options, make_progress()),
         stopped="stopped: finished solves are kept; give the same command to go on",
     )
-    return (synthetic, *real_cli.add_parsers(kinds, make_progress))
+    return (synthetic, people_cli.add_parser(kinds), *real_cli.add_parsers(kinds, make_progress))
 
 
 def evaluate_synthetic(options: argparse.Namespace, progress: Progress) -> int:

@@ -51,6 +51,10 @@ class PeopleReference:
     image_size: tuple[int, int]
     frames: Mapping[int, tuple[NamedPerson, ...]]
 
+    def within(self, frames: Sequence[int]) -> "PeopleReference":
+        """The same for those frames alone that are among these."""
+        return PeopleReference(self.image_size, {f: self.frames[f] for f in sorted(self.frames.keys() & set(frames))})
+
 
 @dataclass(frozen=True)
 class FrameFault:

@@ -127,7 +127,7 @@ def _label_frames(
     labels = np.zeros((len(frames), label_size[1], label_size[0]), np.uint8)
     for row, frame in enumerate(frames):
         named = [(sight, owner.get(sight, UNCLAIMED)) for sight in frame.sights]
-        labels[row] = label_frame(frame.masks, named, image_size, label_size, frame.unclaimed)
+        labels[row] = label_frame(frame.masks, named, image_size, label_size)
     return labels
 
 

@@ -24,7 +24,6 @@ def label_frame(
     people: Sequence[tuple[Sight, int]],
     image_size: tuple[int, int],
     label_size: tuple[int, int],
-    unclaimed: Sequence[CroppedMask] = (),
 ) -> Labels:
     """One frame's label grid.
 
@@ -35,7 +34,6 @@ def label_frame(
         people: the frame's sights, each with its track's id, or UNCLAIMED if nobody solves it.
         image_size: (width, height) pixels.
         label_size: (width, height) cells over the whole image.
-        unclaimed: where somebody may be whom none of the masks covers.
 
     Returns:
         (height, width): BACKGROUND, an id, or UNCLAIMED.
@@ -56,17 +54,11 @@ def label_frame(
         wins = values > surest[place]
         surest[place][wins] = values[wins]
         labels[place][wins] = owner
-    for values, place in [_clipped(mask, label_size) for mask in unclaimed]:
-        _withdraw(labels[place], values > _HALF)
     for sight, _ in people:
         if not sight.detection.mask.values.size:
-            _withdraw(labels[_box_cells(sight, image_size, label_size)], True)
+            place = labels[_box_cells(sight, image_size, label_size)]
+            place[place == BACKGROUND] = UNCLAIMED
     return _smoothed(labels)
-
-
-def _withdraw(labels: Labels, where: NDArray[np.bool_] | bool) -> None:
-    """Background there becomes nobody's, in place."""
-    labels[(labels == BACKGROUND) & where] = UNCLAIMED
 
 
 def _box_cells(sight: Sight, image_size: tuple[int, int], label_size: tuple[int, int]) -> tuple[slice, slice]:

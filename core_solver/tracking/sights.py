@@ -55,19 +55,17 @@ class FrameSights:
     Attributes:
         sights: one a person, in an order that does not depend on the detector's.
         masks: of all detections, duplicates too: a better reading's mask may come from the worse one.
-        unclaimed: where somebody may be whom none of the masks covers.
     """
 
     sights: tuple[Sight, ...]
     masks: tuple[CroppedMask, ...]
-    unclaimed: tuple[CroppedMask, ...]
 
 
 def frame_sights(observations: FrameObservations, row: int) -> FrameSights:
     """The people of a frame, each once."""
     detections = sorted(observations.detections, key=_canonical_key)
     sights = [_sight(d, row, observations.frame.time) for d in detections]
-    return FrameSights(tuple(_without_duplicates(sights)), tuple(d.mask for d in detections), observations.unclaimed)
+    return FrameSights(tuple(_without_duplicates(sights)), tuple(d.mask for d in detections))
 
 
 def stacked(sights: Sequence[Sight], name: str) -> Array:

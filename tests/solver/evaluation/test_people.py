@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core_solver.cli import main
 from core_solver.errors import UserError
 from core_solver.evaluation.people import (
     NamedPerson,
@@ -15,6 +16,7 @@ from core_solver.evaluation.people import (
     read_people,
     score_people,
 )
+from core_solver.perception.cache import write_chunk
 from core_solver.perception.observations import CroppedMask, Detection, FrameInfo, FrameObservations
 from core_solver.tracking import find_people
 
@@ -130,6 +132,26 @@ def test_everybody_on_the_street_gets_one_track() -> None:
     followed = score_people(truth, people_boxes(found.people, frames, longest_gap=10))
     assert followed.fragmentations <= 1
     assert followed.precision >= 0.98
+
+
+def test_the_command_prints_both_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    work = tmp_path / "take.work"
+    (work / "observations").mkdir(parents=True)
+    observations = street()[:32]
+    (work / "observations" / "key.json").write_text('{"frame_count": 32}')
+    write_chunk(work / "observations" / "00000.npz", observations)
+    arguments = ["evaluate", "people", str(work), "--reference", str(DATA / "street_people.json")]
+    assert main(arguments) == 0
+    assert "people 5, precision 1.000" in capsys.readouterr().out
+    assert main([*arguments, "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["seen"]["people"] == 5
+    assert facts["followed"]["switches"] == 0
+    edits = tmp_path / "identities.json"
+    edits.write_text('{"edits": [{"drop": [1]}]}')
+    assert main([*arguments, "--identities", str(edits)]) == 0
+    assert "person 1: no track" in capsys.readouterr().out
+    assert main(["evaluate", "people", str(tmp_path), *arguments[3:]]) == 2
 
 
 def test_the_reference_is_whole() -> None:

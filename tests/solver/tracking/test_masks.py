@@ -59,12 +59,6 @@ def test_where_a_person_without_a_mask_is_nothing_is_background():
     assert not labels[:, :66].any()
 
 
-def test_places_where_somebody_may_be_are_not_background():
-    labels = label_frame([], [], IMAGE_SIZE, LABEL_SIZE, [block(10, 20, 30, 40), block(90, 20, 30, 40, 100)])
-    assert np.all(labels[20:60, 10:40] == UNCLAIMED)
-    assert not labels[:, 60:].any()
-
-
 def test_a_mask_goes_to_the_person_with_most_joints_inside():
     # Both readings carry the other's mask: the joints decide, not the detection the mask came with.
     left = sight_at(200, mask=block(66 + 30, 40, 28, 40))
