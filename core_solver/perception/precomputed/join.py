@@ -107,11 +107,17 @@ def load_helpers(
 
 def _require_new(declared: Declared, depth: Path | None, given: GivenModalities) -> None:
     """Nothing may be both given and computed: the user would not know which of the two was used."""
-    if given.depth is not None and (depth is not None or declared.depth is not None):
-        raise UserError(f"{given.folder.path} already holds depth: leave --depth and depth networks out")
-    of_people = (declared.finder, declared.poses, declared.masks, declared.bodies)
-    if given.joints is not None and any(network is not None for network in of_people):
-        raise UserError(f"{given.folder.path} already holds joints: of your own networks only depth can be used beside")
+    twice = {
+        "joints": given.joints is not None and (declared.finder is not None or declared.poses is not None),
+        "SMPL poses": given.smpl is not None and declared.bodies is not None,
+        "masks": given.masks is not None and declared.masks is not None,
+        "depth": given.depth is not None and (depth is not None or declared.depth is not None),
+    }
+    for what, is_twice in twice.items():
+        if is_twice:
+            raise UserError(f"{given.folder.path} already holds {what}: leave networks for the same out")
+    if given.joints is not None and (declared.masks is not None or declared.bodies is not None):
+        raise UserError(f"{given.folder.path} holds joints: of your own networks only depth can be used beside them")
 
 
 def perceive_given(

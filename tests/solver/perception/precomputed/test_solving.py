@@ -12,6 +12,8 @@ from core_solver import pipeline
 from core_solver.errors import ModelError, UserError
 from core_solver.optimise import pose_fit
 from core_solver.perception.cache import observe, read_observations
+from core_solver.perception.networks.declared import Declared
+from core_solver.perception.precomputed import join
 from core_solver.perception.precomputed.given import GivenModalities, open_modalities
 from core_solver.perception.precomputed.join import Helpers, load_helpers
 from core_solver.pipeline import SolveOptions, solve_video
@@ -237,7 +239,27 @@ def test_normalised_joints_are_refused(tmp_path: Path, video: Path, couple) -> N
         given(tmp_path / "given", video)
 
 
-def test_nothing_is_given_and_computed_at_once(folder: Path, video: Path) -> None:
+@pytest.mark.parametrize(
+    ("task", "given_too", "complaint"),
+    [
+        ("finder", "AlphaPose", "already holds joints"),
+        ("poses", "AlphaPose", "already holds joints"),
+        ("bodies", "ROMP_Predictions", "already holds SMPL poses"),
+        ("masks", "Mask2Former_Instances", "already holds masks"),
+        ("depth", "DPT_large_monodepth", "already holds depth"),
+        ("masks", "AlphaPose", "only depth can be used beside"),
+    ],
+)
+def test_nothing_is_given_and_computed_at_once(folder, video, monkeypatch, task, given_too, complaint) -> None:
+    for entry in list(folder.iterdir()):
+        if entry.name != given_too:
+            entry.rename(folder.parent / entry.name)
+    monkeypatch.setattr(join, "open_declared", lambda *_arguments: Declared(**{task: object()}))
+    with pytest.raises(UserError, match=complaint):
+        load_helpers(EmptyStore(), None, ("own.toml",), "cpu", given(folder, video))  # type: ignore[arg-type]
+
+
+def test_a_depth_file_beside_given_depth_is_refused(folder: Path, video: Path) -> None:
     with pytest.raises(UserError, match="already holds depth"):
         load_helpers(EmptyStore(), Path("midas.onnx"), (), "cpu", given(folder, video))  # type: ignore[arg-type]
 
