@@ -77,7 +77,7 @@ class _Clock:
 
     def events(self, mask: Mask) -> list[Span]:
         """Stretches long enough to be noticed."""
-        shortest = min(self.frames(_STEADY_S), len(mask))
+        shortest = min(max(2, self.frames(_STEADY_S)), len(mask))
         return runs(mask, bridge=self.frames(_GAP_S), shortest=shortest)
 
     def number(self, frame: int) -> int:
@@ -139,11 +139,11 @@ def _about_size(person: Person, index: int) -> Iterator[Finding]:
 
 def _about_feet(person: Person, measured: PersonMeasures, clock: _Clock) -> Iterator[Finding]:
     slides = np.where(person.valid[:, None], np.nan_to_num(measured.skate), 0).max(axis=1)
-    for span in _longest(clock.events(slides > 1000 * _SKATE_M_PER_S * clock.interval)):
-        shown = slides[span[0] : span[1] + 1]
-        yield clock.finding(
-            f"The feet of {{name}} slide {shown[shown > 0].mean():.0f} mm a frame in {{frames}}.", [span]
-        )
+    events = clock.events(slides > 1000 * _SKATE_M_PER_S * clock.interval)
+    if events:
+        means = [slides[a : b + 1][slides[a : b + 1] > 0].mean() for a, b in events]
+        much = f"{'up to ' if len(events) > 1 else ''}{max(means):.0f} mm a frame"
+        yield clock.finding(f"The feet of {{name}} slide {much} in {{frames}}.", events)
     sunk = clock.events(person.valid & (measured.lowest < -_SUNK_M))
     if sunk:
         depth = -100 * min(float(measured.lowest[a : b + 1].min()) for a, b in sunk)
@@ -172,7 +172,3 @@ def _about_picture(pixels: Array, sizes: Array, clock: _Clock) -> Iterator[Findi
     if off:
         worst = max(float(np.nanmax(pixels[a : b + 1])) for a, b in off)
         yield clock.finding(f"The body of {{name}} lies up to {worst:.0f} pixels off what was seen in {{frames}}.", off)
-
-
-def _longest(spans: Sequence[Span]) -> list[Span]:
-    return sorted(sorted(spans, key=lambda s: s[0] - s[1])[:_NAMED_SPANS])

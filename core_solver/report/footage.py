@@ -48,7 +48,7 @@ def read_footage(take: Take, video: Path, progress: Progress) -> Footage:
     Raises:
         VideoError: unreadable, or not the take's own video.
     """
-    clip = open_video(video, rotation=int(take.meta.settings.get("rotate", 0)))
+    clip = open_video(video, rotation=int(take.meta.settings.get("rotate") or 0))
     positions = [take.meta.first_frame + take.meta.frame_step * frame for frame in range(take.frame_count)]
     _check_own(take, clip, positions[-1])
     stride = -(-take.frame_count // _MOST_PICTURES)

@@ -29,17 +29,15 @@ function moveTarget(canvas, across, down) {
   turnView({ target });
 }
 
-// What everybody does over the take: the middle and how far it reaches, metres.
+// Where people are over the take: the middle, and how far most of it reaches, metres. One person far away, or a wild
+// frame, must not make all others small.
 function extentOfPeople() {
-  const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
-  for (const person of people)
-    for (let frame = 0; frame < frameCount; frame++) {
-      if (!person.valid[frame]) continue;
-      const place = jointAt(person, frame, 0);
-      for (const k of [0, 1]) [low[k], high[k]] = [Math.min(low[k], place[k]), Math.max(high[k], place[k])];
-    }
-  if (low[0] > high[0]) return { middle: add([lens.place[0], lens.place[1], 1], [0, 4, 0]), reach: 2 };
-  return { middle: [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.9], reach: Math.hypot(high[0] - low[0], high[1] - low[1]) / 2 };
+  const places = people.flatMap((person) =>
+    [...Array(frameCount).keys()].filter((frame) => person.valid[frame]).map((frame) => jointAt(person, frame, 0)));
+  if (!places.length) return { middle: add([lens.place[0], lens.place[1], 1], [0, 4, 0]), reach: 2 };
+  const share = (values, part) => values.sort((a, b) => a - b)[Math.floor(part * (values.length - 1))];
+  const [x, y] = [0, 1].map((k) => share(places.map((place) => place[k]), 0.5));
+  return { middle: [x, y, 0.9], reach: share(places.map((place) => Math.hypot(place[0] - x, place[1] - y)), 0.85) };
 }
 
 const VIEWPOINTS = {

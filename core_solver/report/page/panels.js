@@ -67,6 +67,12 @@ function errorNow(person) {
 
 const SPAN_BUTTONS = 3;
 
+// Those that the sentence names, in the order of time.
+function longest(spans) {
+  const byLength = [...spans].sort((one, other) => other[1] - other[0] - (one[1] - one[0]));
+  return byLength.slice(0, SPAN_BUTTONS).sort((one, other) => one[0] - other[0]);
+}
+
 class FindingsPanel {
   constructor() {
     const list = document.getElementById("findings");
@@ -79,8 +85,9 @@ class FindingsPanel {
     const item = node("li");
     const mark = node("span", "mark");
     if (finding.person !== null) mark.style.setProperty("--colour", people[finding.person].css);
-    item.append(mark, node("span", "said", finding.text));
-    for (const [first] of finding.spans.slice(0, SPAN_BUTTONS)) {
+    const moments = node("span", "moments");
+    item.append(mark, node("span", "said", finding.text), moments);
+    for (const [first] of longest(finding.spans)) {
       const button = node("button", "", `${videoFrame(first)}`);
       button.type = "button";
       button.setAttribute("aria-label", `Go to frame ${videoFrame(first)}: ${finding.text}`);
@@ -89,7 +96,7 @@ class FindingsPanel {
         scrubTo(first);
         change({ person: finding.person });
       });
-      item.append(button);
+      moments.append(button);
     }
     list.append(item);
     return { finding, item };

@@ -75,6 +75,8 @@ function personAt(place, project, reach = 40) {
   return best;
 }
 
+const LABEL = { width: 64, height: 18 };  // pixels
+
 // Names above heads, as text over a view.
 class Labels {
   constructor(element) {
@@ -88,13 +90,20 @@ class Labels {
   }
 
   draw(project, width, height, shown) {
+    const placed = [];
     this.spans.forEach((span, index) => {
       const person = people[index], [x, y, z] = jointAt(person, state.frame, joint.head);
       const place = shown && !isFaded(person) ? project([x, y, z + 0.28]) : null;
       span.hidden = !place || place[0] < 0 || place[0] > width || place[1] < 0 || place[1] > height;
-      if (span.hidden) return;
-      span.classList.toggle("filled", isFilled(person));
-      span.style.transform = `translate(${place[0].toFixed(1)}px, ${place[1].toFixed(1)}px) translate(-50%, -100%)`;
+      if (!span.hidden) placed.push({ span, person, across: place[0], down: place[1] });
+    });
+    // From the lowest upwards, each moves up until it covers no other.
+    placed.sort((one, other) => other.down - one.down);
+    placed.forEach((label, index) => {
+      for (const other of placed.slice(0, index))
+        if (Math.abs(other.across - label.across) < LABEL.width && Math.abs(other.down - label.down) < LABEL.height) label.down = other.down - LABEL.height;
+      label.span.classList.toggle("filled", isFilled(label.person));
+      label.span.style.transform = `translate(${label.across.toFixed(1)}px, ${label.down.toFixed(1)}px) translate(-50%, -100%)`;
     });
   }
 }

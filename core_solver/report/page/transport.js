@@ -50,9 +50,13 @@ class Transport {
       for (const [first, last] of stretches((frame) => person.valid[frame]))
         svg(drawing, "rect", { x: this.across(first) - wide / 2, width: this.across(last) - this.across(first) + wide, y, height: thick, rx: 1, fill: person.css, "fill-opacity": 0.75 });
     });
-    for (const finding of page.findings)
+    this.marks = page.findings.map((finding) => {
+      const group = svg(drawing, "g", {});
       for (const [first, last] of finding.spans)
-        svg(drawing, "rect", { x: this.across(first) - 1, width: Math.max(3, this.across(last) - this.across(first) + 2), y: 1, height: 3, rx: 1, fill: "#e0b050" });
+        svg(group, "rect", { x: this.across(first) - 1, width: Math.max(3, this.across(last) - this.across(first) + 2), y: 1, height: 3, rx: 1, fill: "#e0b050" });
+      return group;
+    });
+    this.shownPerson = undefined;
     this.marker.replaceChildren();
     this.cursor = svg(this.marker, "g", {});
     svg(this.cursor, "line", { x1: 0, x2: 0, y1: 0, y2: height, stroke: "#fff", "stroke-width": 2 });
@@ -62,6 +66,9 @@ class Transport {
   draw() {
     const { frame } = state, total = times[frameCount - 1];
     if (this.cursor) this.cursor.setAttribute("transform", `translate(${this.across(frame).toFixed(1)} 0)`);
+    if (this.marks && this.shownPerson !== state.person)
+      page.findings.forEach(({ person }, i) => this.marks[i].setAttribute("opacity", state.person === null || person === state.person ? 1 : 0.12));
+    this.shownPerson = state.person;
     this.scrub.value = frame;
     this.scrub.setAttribute("aria-valuetext", `frame ${videoFrame(frame)}, ${times[frame].toFixed(2)} seconds`);
     if (document.activeElement !== this.number || state.playing) this.number.value = videoFrame(frame);

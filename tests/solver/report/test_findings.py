@@ -76,6 +76,10 @@ def test_sliding_feet_with_their_frames_and_size():
     (finding,) = findings_of(take_of(gamma=gamma, contacts=contacts))
     assert finding == Finding("The feet of Person 1 slide 12 mm a frame in frames 10-24.", 0, ((10, 24),))
     assert findings_of(take_of(gamma=gamma)) == []  # nobody claims that they rest
+    gamma[:, 2] += np.float32(0.02) * np.clip(np.arange(FRAMES) - 39, 0, 5).astype(np.float32)
+    (finding,) = findings_of(take_of(gamma=gamma, contacts=contacts))
+    assert finding.text == "The feet of Person 1 slide up to 20 mm a frame in frames 10-24 and 40-44."
+    assert finding.spans == ((10, 24), (40, 44))
 
 
 def test_bodies_in_the_ground():
