@@ -7,7 +7,7 @@ import json
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +96,11 @@ class CameraEstimate:
 
     camera: Camera
     focal_sigma: float
+
+    def stated(self) -> Camera:
+        """The camera, whose source also tells the deviation."""
+        doubt = f", give or take {100 * self.focal_sigma:.0f} %" if self.focal_sigma > 0 else ""
+        return replace(self.camera, source=self.camera.source + doubt)
 
 
 def camera_from_model(model: CameraModel) -> Camera:

@@ -181,6 +181,13 @@ def _add_solve(commands: Commands) -> argparse.ArgumentParser:
         metavar="DEGREES",
         help="field of view along the longer side of the picture, 5 to 150",
     )
+    parser.add_argument(
+        "--rotate",
+        type=int,
+        choices=(90, 180, 270),
+        default=0,
+        help="turn the picture clockwise: a wrong rotation flag",
+    )
     parser.add_argument("--start", dest="start_s", type=_number(0), metavar="S", help="first second to solve")
     parser.add_argument("--end", dest="end_s", type=_number(0), metavar="S", help="second to stop at")
     parser.add_argument("--every", type=_count, default=1, metavar="N", help="use every Nth frame")

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from core_solver.assemble import Provenance, assemble_take, person_colour
 from core_solver.body import BodyModel, load_body
 from core_solver.camera import DEFAULT_FOV_DEGREES, Camera, camera_from_fov, read_camera
+from core_solver.camera_estimation import estimate_camera
+from core_solver.camera_metadata import camera_from_metadata
 from core_solver.errors import CameraError, UserError, VideoError
 from core_solver.optimise.presets import PRESETS
 from core_solver.optimise.solution import Solution
@@ -23,9 +25,11 @@ from core_solver.perception.precomputed.join import Helpers, load_helpers
 from core_solver.perception.store import ModelStore
 from core_solver.progress import Progress
 from core_solver.scene import aggregate
+from core_solver.stabilise import Shake, find_shake, steady
 from core_solver.take import Scene, Take, write_take
 from core_solver.tracking import Modalities, describe_left_out, find_people, gather, read_edits, write_identities
-from core_solver.video import VideoClip, camera_motion, open_video
+from core_solver.tracking.upright import describe_turned
+from core_solver.video import CameraMotion, VideoClip, camera_motion, open_video
 
 GROUND_PLANE_PRIOR = "ground-plane prior"
 CLOUD_POINTS = 200_000
@@ -50,6 +54,7 @@ class SolveOptions:
         start_s: seconds into the video.
         end_s: seconds into the video.
         every: use every n-th frame.
+        rotate: degrees clockwise by which to turn the picture, for a file whose rotation flag is wrong.
         people: keep this many at most.
         identities: file with the user's edits of who is who.
         depth: disparity network, a file or a directory with one file for each shape.
@@ -71,6 +76,7 @@ class SolveOptions:
     start_s: float | None = None
     end_s: float | None = None
     every: int = 1
+    rotate: int = 0
     people: int | None = None
     identities: Path | None = None
     depth: Path | None = None
@@ -94,7 +100,7 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
     check_output(options.output)
     edits = read_edits(options.identities) if options.identities else ()
     device = choose_device(options.device)
-    clip = open_video(options.video, options.start_s, options.end_s, options.every)
+    clip = open_video(options.video, options.start_s, options.end_s, options.every, options.rotate)
     camera = choose_camera(options, clip, progress)
     store = ModelStore(options.models_dir)
     body = load_body(options.body or store.require("open-body"))
@@ -104,6 +110,10 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
     depth_source = _depth_source(networks, clip, progress)
     observations = list(observe(clip, networks, work_directory(options.output), progress, resume=options.resume))
     size = (clip.width, clip.height)
+    motion = camera_motion([picture for _, picture in clip.spread(_MOTION_FRAMES)])
+    shake = find_shake(clip, observations, motion)
+    if shake is not None:
+        observations = steady(observations, shake, size, label_size(*size))
     found = find_people(observations, size, people=options.people)
     modalities = gather(observations, found, size, label_size(*size), edits)
     colours = {track.id: person_colour(index) for index, track in enumerate(modalities.tracks)}
@@ -111,10 +121,15 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
         work_directory(options.output) / IDENTITIES_FILE, found.people, edits, modalities.frames.tolist(), colours
     )
     _require_people(modalities, clip)
-    warnings = _warnings(clip, camera, modalities, depth_source, progress)
+    if camera.source.startswith("assumed"):
+        camera = estimate_camera(modalities).stated()
+        progress.note(f"Field of view: {camera.fov_degrees:.0f} degrees along the longer side, {camera.source}.")
+    warnings = _warnings(camera, modalities, depth_source, motion, shake)
+    for warning in warnings[:1] if motion.is_moving or shake is not None else ():
+        progress.note(warning)
     solution = solve(modalities, camera, body, progress, PRESETS[options.preset], device)
     with progress.stage("Build the scene", 1) as advance:
-        scene = build_scene(modalities, solution, camera, clip, options.points)
+        scene = build_scene(modalities, solution, camera, clip, options.points, shake)
         advance(1)
     provenance = Provenance(depth_source, options.preset, _settings(options), warnings)
     take = assemble_take(modalities, solution, camera, body, clip, scene, provenance)
@@ -160,7 +175,7 @@ def choose_device(name: str) -> str:
 
 
 def choose_camera(options: SolveOptions, clip: VideoClip, progress: Progress) -> Camera:
-    """Intrinsics from a file, a given field of view, or the default one, which is announced.
+    """Intrinsics from a file, a given field of view, the video's metadata, or assumed until people have been seen.
 
     Raises:
         CameraError: the file does not fit, or both were given.
@@ -171,9 +186,17 @@ def choose_camera(options: SolveOptions, clip: VideoClip, progress: Progress) ->
         return read_camera(options.camera, clip.width, clip.height)
     if options.fov_degrees is not None:
         return camera_from_fov(clip.width, clip.height, options.fov_degrees, "field of view given by the user")
+    stored = camera_from_metadata(clip.path, clip.width, clip.height)
+    if stored is not None:
+        camera = stored.stated()
+        progress.note(
+            f"Field of view: {camera.fov_degrees:.0f} degrees along the longer side ({camera.source}). Stabilisation "
+            "and some video modes show less than the lens does: give --camera or --fov if you know better."
+        )
+        return camera
     progress.note(
-        f"No camera file: a field of view of {DEFAULT_FOV_DEGREES:g} degrees along the longer side is assumed. "
-        "Distances depend on it: give --camera or --fov if you know better."
+        "No camera file: the field of view is estimated from the people. Distances depend on it: give --camera or "
+        "--fov if you know better."
     )
     return camera_from_fov(clip.width, clip.height, DEFAULT_FOV_DEGREES, "assumed field of view")
 
@@ -191,8 +214,9 @@ def _choose_networks(
 
 
 def build_scene(
-    modalities: Modalities, solution: Solution, camera: Camera, clip: VideoClip, most_points: int = CLOUD_POINTS
-) -> Scene:
+    modalities: Modalities, solution: Solution, camera: Camera, clip: VideoClip, most_points: int = CLOUD_POINTS,
+    shake: Shake | None = None,
+) -> Scene:  # fmt: skip
     """Static depth map and coloured cloud: from the network's disparity, else from the ground-plane prior."""
     inverse_far, inverse_gap = solution.inverse_far, solution.inverse_gap
     if modalities.disparity is not None:
@@ -201,7 +225,7 @@ def build_scene(
         farthest = _BEYOND_PEOPLE * float(np.linalg.norm(solution.gamma, axis=-1).max())
         depth = aggregate.ground_depth(camera, solution.ground, _prior_grid(clip), farthest)
         inverse_far, inverse_gap = _depth_range(depth, len(modalities.times))
-    picture = _background_picture(clip, modalities, (depth.shape[1], depth.shape[0]))
+    picture = _background_picture(clip, modalities, (depth.shape[1], depth.shape[0]), shake)
     points, colours = aggregate.cloud(depth, picture, camera, most_points)
     return Scene(
         points,
@@ -247,30 +271,34 @@ def _require_people(modalities: Modalities, clip: VideoClip) -> None:
 
 
 def _warnings(
-    clip: VideoClip, camera: Camera, modalities: Modalities, depth_source: str, progress: Progress
+    camera: Camera, modalities: Modalities, depth_source: str, motion: CameraMotion, shake: Shake | None
 ) -> tuple[str, ...]:
     sentences = []
-    motion = camera_motion([picture for _, picture in clip.spread(_MOTION_FRAMES)])
-    if motion.is_moving:
+    if shake is not None:
+        sentences.append(shake.describe())
+    elif motion.is_moving:
         sentences.append(
             f"The camera moves: the background drifts by {motion.drift_px:.0f} pixels. The solver assumes a static "
             "camera, so places and feet will be wrong; use footage from a tripod."
         )
-    if camera.source.startswith("assumed"):
-        sentences.append("The field of view is an assumption: all distances scale with it.")
+    if "give or take" in camera.source:
+        sentences.append(f"The field of view is no calibration ({camera.source}): all distances scale with it.")
+    sentences += describe_turned(modalities)
     if depth_source == GROUND_PLANE_PRIOR:
         sentences.append("Without a depth network the scene is a ground plane, a prior and no measurement.")
     sentences += describe_left_out(modalities.dropped)
     if len(modalities.tracks) == 1:
         sentences.append("One person alone: their size rests on the prior that people are 1.65 m tall on average.")
-    for sentence in sentences[:1] if motion.is_moving else ():
-        progress.note(sentence)
     return tuple(sentences)
 
 
-def _background_picture(clip: VideoClip, modalities: Modalities, size: tuple[int, int]) -> NDArray[np.uint8]:
+def _background_picture(
+    clip: VideoClip, modalities: Modalities, size: tuple[int, int], shake: Shake | None
+) -> NDArray[np.uint8]:
     position = {int(frame): t for t, frame in enumerate(modalities.frames)}
     pictures = ((position[info.index], picture) for info, picture in clip.spread(_PICTURES))
+    if shake is not None:
+        pictures = ((t, shake.steady_picture(t, picture)) for t, picture in pictures)
     return aggregate.median_picture(pictures, modalities.labels, size)
 
 
@@ -289,6 +317,7 @@ def _settings(options: SolveOptions) -> dict[str, str | float | int | bool | Non
     """What was asked for, without paths: a take does not tell where its maker keeps things."""
     return {
         "start_s": options.start_s, "end_s": options.end_s, "every": options.every, "people": options.people,
+        "rotate": options.rotate,
         "points": options.points, "seed": options.seed, "device": options.device,
         "modalities": options.modalities is not None,
         "networks": ", ".join(Path(name).stem for name in options.networks),

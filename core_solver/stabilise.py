@@ -66,6 +66,13 @@ class Shake:
             and self.lost_frames <= _MOST_LOST
         )
 
+    def describe(self) -> str:
+        """A sentence for the user."""
+        return (
+            f"The camera shakes by {self.size_px:.1f} pixels: compensated by a {self.model} of the background, "
+            f"{self.residual_px:.1f} pixels are left. The take's camera is that of the first frame."
+        )
+
     def steady_picture(self, position: int, picture: Image) -> Image:
         """The (H, W, 3) picture of a frame as the first frame's camera would have seen it."""
         size = picture.shape[1], picture.shape[0]
@@ -114,6 +121,12 @@ def measure_shake(clip: VideoClip, observations: Sequence[FrameObservations]) ->
         lost_frames=sum(k is None for k in known) / len(known),
         diagonal_px=diagonal,
     )
+
+
+def find_shake(clip: VideoClip, observations: Sequence[FrameObservations], motion: CameraMotion) -> Shake | None:
+    """The shake of a clip where there is one that can be compensated; None for tripods and for cameras that travel."""
+    shake = measure_shake(clip, observations) if is_worth_measuring(motion) else None
+    return shake if shake is not None and shake.is_compensated else None
 
 
 def steady(

@@ -29,6 +29,7 @@ _log = logging.getLogger(__name__)
 _OPENCV_ERRORS_ONLY = 2
 cv2.setLogLevel(_OPENCV_ERRORS_ONLY)  # its warnings would bury ours as FFmpeg's lines would
 
+_QUARTER_TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
 _NTSC_BASES = (12, 15, 24, 30, 48, 60, 90, 120, 240)
 _RATE_TOLERANCE = 2e-4  # NTSC rates lie 1e-3 below the whole number
 _SNAP_FRAMES = 0.1  # a time this close to index / rate is rounding by the container
@@ -47,6 +48,7 @@ class VideoClip:
         is_variable: whether the frames come at uneven intervals.
         every: each how-manieth frame of the file is delivered.
         frame_list: the frames that `frames` delivers.
+        rotation: degrees clockwise by which pictures are turned after decoding, for a file whose own flag is wrong.
     """
 
     path: Path
@@ -56,6 +58,7 @@ class VideoClip:
     is_variable: bool
     every: int
     frame_list: tuple[FrameInfo, ...]
+    rotation: int = 0
 
     @property
     def delivered_rate(self) -> Fraction:
@@ -93,12 +96,16 @@ class VideoClip:
         fine, picture = capture.retrieve()
         if not fine or picture is None:
             raise VideoError(f"frame {index} of {self.path.name} cannot be decoded: convert the video to MP4 (H.264)")
+        if self.rotation:
+            picture = cv2.rotate(picture, _QUARTER_TURNS[self.rotation])
         if picture.shape != (self.height, self.width, 3):
             raise VideoError(f"the picture of {self.path.name} changes size at frame {index}: cut the video there")
         return picture  # type: ignore[return-value] - OpenCV's 8-bit BGR
 
 
-def open_video(path: Path, start_s: float | None = None, end_s: float | None = None, every: int = 1) -> VideoClip:
+def open_video(
+    path: Path, start_s: float | None = None, end_s: float | None = None, every: int = 1, rotation: int = 0
+) -> VideoClip:
     """Open a video and list its frames.
 
     Args:
@@ -106,13 +113,18 @@ def open_video(path: Path, start_s: float | None = None, end_s: float | None = N
         start_s: first second wanted; None for the beginning.
         end_s: the clip ends before this second; None for the end.
         every: 1 for all frames, 2 for every other one, and so on.
+        rotation: 0, 90, 180 or 270 degrees clockwise, besides what the file's own flag asks for.
 
     Raises:
         VideoError: missing, empty, not a video, a range outside the video, or fewer than two frames.
     """
     if every < 1:
         raise VideoError(f"every {every} frames is not possible: give 1 or more")
+    if rotation and rotation not in _QUARTER_TURNS:
+        raise VideoError(f"a rotation by {rotation} degrees is not possible: give 90, 180 or 270")
     picture_times, (height, width), reported_rate = _walk(path)
+    if rotation in (90, 270):
+        height, width = width, height
     if len(picture_times) < 2:
         raise VideoError(f"{path.name} has only one frame: motion needs a video of at least two")
     times, rate, is_variable = regular_times(picture_times, reported_rate)
@@ -123,7 +135,7 @@ def open_video(path: Path, start_s: float | None = None, end_s: float | None = N
             "choose a longer range or a smaller --every"
         )
     frame_list = tuple(FrameInfo(int(i), float(times[i])) for i in chosen)
-    return VideoClip(path, width, height, rate, is_variable, every, frame_list)
+    return VideoClip(path, width, height, rate, is_variable, every, frame_list, rotation)
 
 
 def nearest_rate(frames_per_second: float) -> Fraction:

@@ -30,7 +30,10 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("energy", "raster", "video", "camera_metadata"),
     ("perception", "tracking", "scene", "stabilise", "preview"),
     ("optimise",),  # its stages draw on `scene` for samples of the floor and for contacts
-    ("assemble", "camera_estimation",),
+    (
+        "assemble",
+        "camera_estimation",
+    ),
     ("interchange", "evaluation", "inspection", "console", "report"),
     ("pipeline",),
     ("cli",),

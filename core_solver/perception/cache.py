@@ -113,6 +113,7 @@ def observation_key(clip: VideoClip, files: Sequence[Path], given: GivenModaliti
             "frame_count": len(clip.frame_list),
             "first_frame": clip.frame_list[0].index,
             "every": clip.every,
+            "rotation": clip.rotation,
             "networks": {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
             **known,
         },

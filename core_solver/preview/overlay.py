@@ -36,7 +36,7 @@ class TakeOverFootage:
         self.take = take
         self.people = [PosablePerson(person) for person in take.people]
         self.camera: Camera = camera_from_model(take.meta.camera)
-        self._clip: VideoClip = open_video(video)
+        self._clip: VideoClip = open_video(video, rotation=int(take.meta.settings.get("rotate") or 0))
         self._check(video)
 
     def _check(self, video: Path) -> None:

@@ -101,6 +101,26 @@ def test_phone_video_is_delivered_upright(tmp_path: Path) -> None:
         assert picture[56:].max() < 50
 
 
+@pytest.mark.parametrize(("rotation", "bright_corner"), [(0, (0, 0)), (90, (0, -1)), (180, (-1, -1)), (270, (-1, 0))])
+def test_a_wrong_rotation_flag_is_mended_by_hand(tmp_path: Path, rotation: int, bright_corner: tuple[int, int]) -> None:
+    writer = cv2.VideoWriter(str(tmp_path / "a.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10, (96, 64))
+    picture = np.zeros((64, 96, 3), np.uint8)
+    picture[:24, :24] = 255
+    for _ in range(3):
+        writer.write(picture)
+    writer.release()
+    clip = open_video(tmp_path / "a.avi", rotation=rotation)
+    assert (clip.width, clip.height) == ((64, 96) if rotation in (90, 270) else (96, 64))
+    for _, shown in clip.frames():
+        corners = {(y, x): int(shown[y, x].max()) for y in (0, -1) for x in (0, -1)}
+        assert max(corners, key=corners.__getitem__) == bright_corner
+
+
+def test_a_slanting_rotation_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(VideoError, match="90, 180 or 270"):
+        open_video(write_video(tmp_path / "a.avi"), rotation=45)
+
+
 @needs_ffmpeg
 def test_variable_rate_keeps_real_times(tmp_path: Path) -> None:
     uneven = "select='not(eq(n,3)+eq(n,4)+eq(n,9))'"
