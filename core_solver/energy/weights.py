@@ -59,7 +59,7 @@ class Weights:
     height: float = 1.0
     height_mean_m: float = 1.65
     height_sigma: float = 0.06
-    child_share: float = 0.25
+    child_share: float = 0.2
     child_mean_m: float = 1.2
     child_sigma: float = 0.2
     speed: float = 0.02
