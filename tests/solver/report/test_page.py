@@ -115,6 +115,25 @@ def test_pictures_show_the_takes_frames(tmp_path):
         assert abs(float(picture.mean()) - 20 * number) < 3
 
 
+def test_pictures_of_a_turned_video_stand_upright(tmp_path):
+    writer = cv2.VideoWriter(
+        str(tmp_path / "clip.avi"), cv2.CAP_OPENCV_MJPEG, cv2.VideoWriter.fourcc(*"MJPG"), 25, (320, 240)
+    )
+    lying = np.zeros((240, 320, 3), np.uint8)
+    lying[:, :160] = 255  # a quarter turn clockwise brings the left half to the top
+    for _ in range(3):
+        writer.write(lying)
+    writer.release()
+    take = make_take(make_camera(240, 320), frames=3)
+    take = replace(take, meta=replace(take.meta, settings={"rotate": 90}))
+    footage = read_footage(take, tmp_path / "clip.avi", SilentProgress())
+    picture = cv2.imdecode(np.frombuffer(footage.pictures[0], np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    assert picture.shape == (320, 240, 3)
+    assert picture[:150].mean() > 250
+    assert picture[170:].mean() < 5
+
+
 def noise_video(path, frames: int):
     camera = make_camera(640, 480)
     rng = np.random.default_rng(0)
