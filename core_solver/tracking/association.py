@@ -12,7 +12,7 @@ from core_solver.tracking.tracklets import End, Tracklet, state_at_end
 Array = NDArray[np.float64]
 
 FORBIDDEN = 1e6
-_PATIENCE = 0.4  # seconds a tracklet stays open without a sight; longer gaps are linked knowing both sides
+_PATIENCE = 0.25  # seconds a tracklet stays open without a sight; longer gaps are linked knowing both sides
 _GATE = 0.20  # sizes: how far a body may lie from its prediction in the next frame
 _GATE_GROWTH = 1.0  # sizes a second of gap
 _GATE_UNKNOWN_MOTION = 2.0  # sizes a second more, while only one sight is known
