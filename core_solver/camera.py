@@ -23,6 +23,8 @@ DEFAULT_FOV_DEGREES = 55.0  # along the longer side: a phone's main camera has 6
 # Centres of pixels lie at half-integers here and at integers in OpenCV's calibration tools.
 _OPENCV_PIXEL_SHIFT = 0.5
 
+_WIDEST = 20.0  # tangent of the angle from the axis, 87 degrees
+
 # Rows and columns where a camera matrix has nothing.
 _ZEROS = ((0, 1, 2, 2), (1, 0, 0, 1))
 
@@ -52,10 +54,22 @@ class Camera(CameraModel):
         points = np.asarray(points, float)
         if not (distorted and self.is_distorted) or points.size == 0:
             return points[..., :2] / points[..., 2:] * (self.fx, self.fy) + (self.cx, self.cy)
-        pixels, _ = cv2.projectPoints(
-            points.reshape(-1, 1, 3), np.zeros(3), np.zeros(3), self.matrix, np.array(self.distortion)
-        )
-        return np.asarray(pixels, np.float64).reshape(*points.shape[:-1], 2)
+        rays = (points[..., :2] / points[..., 2:]).reshape(-1, 2)
+        # Beyond the angle where the lens polynomial turns back, far outside the picture, it would fold points into it:
+        # from there on they go on outwards.
+        beyond = np.maximum(np.linalg.norm(rays, axis=1, keepdims=True) / self._turning_radius(), 1.0)
+        inside = np.concatenate([rays / beyond, np.ones((len(rays), 1))], axis=1)
+        pixels, _ = cv2.projectPoints(inside[:, None], np.zeros(3), np.zeros(3), self.matrix, np.array(self.distortion))
+        centre = np.array([self.cx, self.cy])
+        return (centre + (np.asarray(pixels, np.float64)[:, 0] - centre) * beyond).reshape(*points.shape[:-1], 2)
+
+    def _turning_radius(self) -> float:
+        """Tangent of the angle where r (1 + k1 r^2 + k2 r^4 + k3 r^6) no longer grows; perhaps infinite."""
+        k1, k2, _, _, k3 = self.distortion
+        squares = np.linspace(0, _WIDEST, 4000) ** 2
+        growth = 1 + 3 * k1 * squares + 5 * k2 * squares**2 + 7 * k3 * squares**3
+        turns = np.flatnonzero(growth <= 0)
+        return float(np.sqrt(squares[turns[0] - 1])) if len(turns) else math.inf
 
     def undistort(self, pixels: ArrayLike) -> NDArray[np.float64]:
         """Pixels (..., 2) of the footage to the pixels of an ideal pinhole with the same K."""

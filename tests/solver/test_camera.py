@@ -47,6 +47,15 @@ def seen_points(draw: st.DrawFn) -> np.ndarray:
 # --- geometry ---
 
 
+@pytest.mark.parametrize("k1", [-0.35, -0.2, 0.1])
+def test_what_lies_far_outside_the_picture_is_not_folded_into_it(k1: float) -> None:
+    camera = dataclasses.replace(PINHOLE, distortion=(k1, 0.02, 0.0, 0.0, 0.0))
+    slopes = np.linspace(0.01, 8, 400)
+    pixels = camera.project(np.stack([slopes, 0.3 * slopes, np.ones_like(slopes)], axis=-1))
+    assert np.all(np.diff(pixels[:, 0]) > 0)
+    assert pixels[-1, 0] > 2 * WIDTH
+
+
 @given(lenses(), seen_points())
 def test_projection_is_the_brown_model(camera: Camera, points: np.ndarray) -> None:
     k1, k2, p1, p2, k3 = camera.distortion

@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from core_solver import pipeline
-from core_solver.camera import Camera, CameraEstimate, camera_from_fov
+from core_solver.camera import Camera, camera_from_fov
 from core_solver.errors import CameraError, UserError, VideoError
 from core_solver.optimise import pose_fit
 from core_solver.optimise.threads import single_thread
@@ -80,39 +80,6 @@ def detect(clip: SyntheticClip, index: int, t: int) -> Detection:
     )  # fmt: skip
 
 
-def moved_left(seen: FrameObservations, pixels: int) -> FrameObservations:
-    def move(person: Detection) -> Detection:
-        shift = np.array([pixels, 0], np.float32)
-        mask = np.roll(person.mask.values, -pixels, axis=1)
-        return replace(
-            person, box=person.box - np.tile(shift, 2), keypoints=person.keypoints - shift, mask=CroppedMask(0, 0, mask)
-        )
-
-    disparity = None if seen.disparity is None else shifted_plane(seen.disparity, pixels)
-    return FrameObservations(seen.frame, tuple(map(move, seen.detections)), disparity)
-
-
-def shifted_plane(plane: np.ndarray, pixels: int) -> np.ndarray:
-    by = np.array([[1, 0, -pixels * plane.shape[1] / WIDTH], [0, 1, 0]])
-    size = plane.shape[1], plane.shape[0]
-    return cv2.warpAffine(plane.astype(np.float32), by, size, borderMode=cv2.BORDER_REPLICATE).astype(np.float16)
-
-
-def turned(seen: FrameObservations) -> FrameObservations:
-    """A quarter turn anticlockwise: what was to the right is above."""
-
-    def turn(person: Detection) -> Detection:
-        u, v = person.keypoints.T
-        keypoints = np.stack([v, WIDTH - u], axis=1)
-        box = np.concatenate([keypoints.min(axis=0) - 4, keypoints.max(axis=0) + 4]).astype(np.float32)
-        x, y, z = person.landmarks.T
-        mask = CroppedMask(0, 0, np.ascontiguousarray(np.rot90(person.mask.values)))
-        return replace(person, keypoints=keypoints, box=box, landmarks=np.stack([y, -x, z], axis=1), mask=mask)
-
-    disparity = None if seen.disparity is None else np.ascontiguousarray(np.rot90(seen.disparity))
-    return FrameObservations(seen.frame, tuple(map(turn, seen.detections)), disparity)
-
-
 def background(seed: int = 0) -> np.ndarray:
     rng = np.random.default_rng(seed)
     return cv2.resize(rng.integers(30, 220, (40, 60, 3)).astype(np.uint8), (2 * WIDTH, 2 * HEIGHT))
@@ -150,25 +117,6 @@ class Stage:
         network = FakeDisparity() if clip.modalities.disparity is not None else None
         self._patch.setattr(pipeline, "load_networks", lambda _store, _depth: FakeNetworks(network))
         self._patch.setattr(pipeline, "observe", lambda video, *_rest, **_keywords: observations(clip, video, seen))
-
-    def show_shaken(self, pixels: int) -> None:
-        """What networks see of the couple when every third frame has jumped to the left."""
-        still = pipeline.observe
-
-        def observe(*arguments, **keywords) -> Iterator[FrameObservations]:
-            for t, seen in enumerate(still(*arguments, **keywords)):
-                yield moved_left(seen, pixels if t % 3 == 1 else 0)
-
-        self._patch.setattr(pipeline, "observe", observe)
-
-    def show_turned(self) -> None:
-        """What networks would see of the couple a quarter turn anticlockwise."""
-        still = pipeline.observe
-
-        def observe(video, *rest, **keywords) -> Iterator[FrameObservations]:
-            return (turned(seen) for seen in still(video, *rest, **keywords))
-
-        self._patch.setattr(pipeline, "observe", observe)
 
     def run(self, **options):
         return solve_video(SolveOptions(self.video, self.output, **{"fov_degrees": 60.0, **options}), self.progress)
@@ -291,45 +239,6 @@ def test_an_assumed_field_of_view_is_announced_and_recorded(stage):
     assert re.fullmatch(r"estimated from the people, give or take \d+ %", take.meta.camera.source)
     fov = 2 * np.degrees(np.arctan(WIDTH / 2 / take.meta.camera.fx))
     assert 35 < fov < 85
-
-
-def test_the_lens_that_the_video_states_is_used(stage, monkeypatch):
-    lens = CameraEstimate(replace(CAMERA, source="metadata: a lens"), 0.1)
-    monkeypatch.setattr(pipeline, "camera_from_metadata", lambda *_arguments: lens)
-    take = stage.run(fov_degrees=None)
-    assert take.meta.camera.fx == CAMERA.fx
-    assert take.meta.camera.source == "metadata: a lens, give or take 10 %"
-    assert any("Stabilisation" in note for note in stage.progress.notes)
-    assert any("no calibration" in warning for warning in take.meta.warnings)
-
-
-def test_a_small_shake_is_compensated_and_told(stage):
-    """Four pixels to and fro, in the picture and in what the networks see of it."""
-    take = stage.run()
-    draw_video(stage.video, shake=4)
-    stage.show_shaken(4)
-    shaken = stage.run()
-    (warning,) = shaken.meta.warnings
-    assert re.match(
-        r"The camera shakes by \d\.\d pixels: compensated by a similarity of the background, 0\.\d", warning
-    )
-    assert warning in stage.progress.notes
-    for steady, moved in zip(take.people, shaken.people, strict=True):
-        assert np.linalg.norm(steady.gamma - moved.gamma, axis=-1).max() < 0.05
-
-
-def test_a_turned_video_is_noticed_and_mended(stage):
-    """The file shows everything a quarter turn anticlockwise: heads to the left."""
-    draw_video(stage.video, turned=True)
-    stage.show_turned()
-    warned = stage.run()
-    assert any("lie on their side" in w and "--rotate 90" in w for w in warned.meta.warnings)
-    assert (warned.meta.camera.width, warned.meta.camera.height) == (HEIGHT, WIDTH)
-    stage.show(make_clip(BODY, COUPLE, frames=FRAMES, camera=CAMERA))
-    mended = stage.run(rotate=90)
-    assert (mended.meta.camera.width, mended.meta.camera.height) == (WIDTH, HEIGHT)
-    assert mended.meta.settings["rotate"] == 90
-    assert not any("lie on" in w for w in mended.meta.warnings)
 
 
 def test_a_camera_file_is_used_as_it_is(stage):
