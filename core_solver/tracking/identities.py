@@ -122,6 +122,8 @@ def write_identities(
 ) -> None:
     """Write whom tracking found, in a form to be edited; the edits that were applied are kept in it.
 
+    An older file with other edits is kept beside it as `NAME.old.json`: they may be somebody's work.
+
     Args:
         path: where to.
         found: before the edits, because edits name these ids.
@@ -139,10 +141,21 @@ def write_identities(
     partial = path.with_suffix(".partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        if _holds_other_edits(path, edits):
+            os.replace(path, path.with_suffix(".old.json"))  # noqa: PTH105
         partial.write_text(text, encoding="utf-8")
         os.replace(partial, path)  # noqa: PTH105 - the pair of calls that is atomic everywhere
     except OSError as error:
         raise UserError(f"cannot write {path} ({error.strerror or error}): choose another output path") from error
+
+
+def _holds_other_edits(path: Path, edits: Sequence[Edit]) -> bool:
+    if not path.is_file():
+        return False
+    try:
+        return read_edits(path) not in ((), tuple(edits))
+    except UserError:  # half written by hand
+        return True
 
 
 class _EditError(Exception):

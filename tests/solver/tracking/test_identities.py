@@ -160,6 +160,16 @@ def test_the_written_file_reads_back_and_changes_nothing_by_itself(tmp_path: Pat
     assert [t.id for t in gather(FILM, found, IMAGE_SIZE, LABEL_SIZE, read_edits(path)).tracks] == [1, 2, 3]
 
 
+@pytest.mark.parametrize("mine", ['{"edits": [{"drop": [1]}]}', '{"edits": [{"drop": [1]}'])
+def test_edits_made_in_the_written_file_are_not_lost(tmp_path: Path, mine: str) -> None:
+    found, path = find_people(FILM, IMAGE_SIZE), tmp_path / "identities.json"
+    write_identities(path, found.people, (), range(60), {})
+    path.write_text(mine)
+    write_identities(path, found.people, (), range(60), {})
+    assert (tmp_path / "identities.old.json").read_text() == mine
+    assert read_edits(path) == ()
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
