@@ -40,17 +40,34 @@ def link_returns(tracklets: Sequence[Tracklet], image_size: tuple[int, int]) -> 
     """
     if len(tracklets) < 2:
         return list(tracklets)
-    successor = _sure_pairs(np.array([[_cost(a, b, image_size) for b in tracklets] for a in tracklets]))
+    costs = np.array([[_cost(a, b, image_size) for b in tracklets] for a in tracklets])
+    spans = np.array([(t.sights[0].row, t.sights[-1].row) for t in tracklets])
+    successor = _sure_pairs(_without_detours(costs), spans)
     follows = set(successor.values())
     return [chain(tracklets, start, successor) for start in range(len(tracklets)) if start not in follows]
 
 
-def _sure_pairs(costs: Array) -> dict[int, int]:
-    """{leaver: comer}, the likest first, as long as nobody who is left comes into question for either."""
+def _without_detours(costs: Array) -> Array:
+    """The costs without pairs between which the same person was in the picture once more."""
+    alike = (costs < _SAME_CLOTHES).astype(int)
+    return np.where(alike @ alike > 0, FORBIDDEN, costs)
+
+
+def _sure_pairs(costs: Array, spans: Array) -> dict[int, int]:
+    """{leaver: comer}, the likest first, as long as nobody who is left comes into question for either.
+
+    Only somebody who is there at the same time is another person: a later stay may well be the comer's own.
+
+    Args:
+        costs: (n, n) from leavers to comers.
+        spans: (n, 2) first and last row.
+    """
+    together = (spans[:, None, 0] <= spans[None, :, 1]) & (spans[None, :, 0] <= spans[:, None, 1])
+    np.fill_diagonal(together, val=False)
     costs, pairs = costs.copy(), {}
     while costs.size and costs.min() < _SAME_CLOTHES:
         leaver, comer = (int(i) for i in np.unravel_index(np.argmin(costs), costs.shape))
-        rivals = np.concatenate([np.delete(costs[:, comer], leaver), np.delete(costs[leaver], comer)])
+        rivals = np.concatenate([costs[together[leaver], comer], costs[leaver, together[comer]]])
         if np.all(rivals > max(_RIVAL * costs[leaver, comer], _SAME_CLOTHES)):
             pairs[leaver] = comer
             costs[leaver], costs[:, comer] = FORBIDDEN, FORBIDDEN

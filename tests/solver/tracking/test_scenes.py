@@ -66,6 +66,15 @@ def test_somebody_who_leaves_and_comes_back_in_the_same_clothes_is_known_again()
     assert_everyone_has_one_track(track(film(walkers, 12, 10)), walkers)
 
 
+def test_somebody_may_come_and_go_twice() -> None:
+    def path(t: float) -> tuple[float, float]:
+        return leaving_and_returning(t) if t < 10 else leaving_and_returning(t - 8.8)
+
+    walker = Walker(path, clothes=2, seen=lambda t: t < 2.2 or 9.2 < t < 11.0 or t > 18.0)
+    walkers = [walker, replace(PASSER_BY, path=straight((100, 240), (5, 0)))]
+    assert_everyone_has_one_track(track(film(walkers, 20, 10)), walkers)
+
+
 def test_somebody_in_other_clothes_is_somebody_else() -> None:
     """Whoever leaves and whoever comes have the same path, but not the same clothes."""
     leaver = replace(COMES_BACK, seen=lambda t: t < 2.2)
