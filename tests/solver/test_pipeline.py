@@ -15,7 +15,7 @@ import torch
 from core_solver import pipeline
 from core_solver.camera import Camera, camera_from_fov
 from core_solver.errors import CameraError, UserError, VideoError
-from core_solver.optimise import pose_fit
+from core_solver.optimise import pose_fit, solve
 from core_solver.optimise.threads import single_thread
 from core_solver.perception.observations import CroppedMask, Detection, FrameObservations
 from core_solver.pipeline import GROUND_PLANE_PRIOR, SolveOptions, solve_video
@@ -365,13 +365,13 @@ def test_the_thread_count_is_given_back():
 
 
 def test_the_solve_runs_on_one_thread(stage, monkeypatch):
-    threads, real = [], pipeline.solve
+    threads, real = [], solve.fit_poses
 
-    def spy(*arguments):
+    def spy(*arguments, **options):
         threads.append(torch.get_num_threads())
-        return real(*arguments)
+        return real(*arguments, **options)
 
-    monkeypatch.setattr(pipeline, "solve", spy)
+    monkeypatch.setattr(solve, "fit_poses", spy)
     stage.run()
     assert threads == [1]
 
