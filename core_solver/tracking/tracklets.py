@@ -75,9 +75,10 @@ def state_at_end(sights: Sequence[Sight]) -> End:
 
 def mean_appearance(sights: Sequence[Sight]) -> Array:
     """(D,) unit vector: the looks in these sights, each as far as they can be trusted."""
-    trust = np.array([s.looks for s in sights]) ** 2
-    appearance = trust @ np.stack([s.detection.appearance for s in sights]).astype(float)
-    length = np.linalg.norm(appearance)
+    trust = np.array([s.looks for s in sights], float) ** 2
+    looks = np.stack([s.detection.appearance for s in sights]).astype(float)
+    appearance: Array = np.einsum("s,sd->d", trust, looks)
+    length = float(np.linalg.norm(appearance))
     return appearance / length if length > 0 else appearance
 
 

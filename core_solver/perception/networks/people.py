@@ -244,8 +244,9 @@ def assign_masks(
     planes: Sequence[NDArray[np.uint8]], poses: Sequence[Pose], picture: tuple[int, int]
 ) -> list[int | None]:
     """For each person the mask (h, w) that holds most of their keypoints; a mask belongs to one person at most."""
-    votes = np.array([[_votes(plane, pose, picture) for plane in planes] for pose in poses])
-    return _assign(1 - votes.reshape(len(poses), len(planes)), 1 - _LEAST_VOTES)
+    votes = np.array([[_votes(plane, pose, picture) for plane in planes] for pose in poses], float)
+    costs: Array = 1.0 - votes.reshape(len(poses), len(planes))
+    return _assign(costs, 1 - _LEAST_VOTES)
 
 
 def assign_bodies(places: Sequence[Array], poses: Sequence[Pose]) -> list[int | None]:

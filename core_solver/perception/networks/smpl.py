@@ -108,7 +108,7 @@ def _nearest_rotation(matrices: Array) -> Array:
     u, _, vt = np.linalg.svd(matrices)
     sign = np.sign(np.linalg.det(u @ vt))
     u[..., 2] *= sign[..., None]
-    return u @ vt
+    return np.matmul(u, vt)
 
 
 def posed_keypoints(rotations: Array, body: BodyModel, axes: str) -> Array:

@@ -89,7 +89,9 @@ def read_png(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
         raise UserError(f"{path} is a damaged PNG file: write it again") from error
     if picture is None or picture.dtype not in (np.uint8, np.uint16):
         raise UserError(f"{path} is a damaged PNG file: write it again")
-    return _indices(picture, palette, path) if palette is not None and picture.ndim == 3 else picture
+    if palette is not None and picture.ndim == 3:
+        return _indices(picture, palette, path)
+    return picture  # type: ignore[return-value] - checked above to be of 8 or 16 bits
 
 
 def _checked_palette(data: bytes, path: Path) -> NDArray[np.uint8] | None:
