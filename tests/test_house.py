@@ -166,6 +166,12 @@ def test_the_solver_knows_nothing_of_blender() -> None:
     assert not [relative(path) for path in SOLVER if top_level(path) & blenders]
 
 
+def test_private_names_stay_in_their_module() -> None:
+    private = re.compile(r"core_solver\.(\w+\.)*_(?!_)\w+")
+    taken = [f"{relative(path)} imports {name}" for path in PRODUCT for name in imports(path) if private.fullmatch(name)]
+    assert not taken
+
+
 def test_the_addon_sees_only_takes_and_geometry() -> None:
     heavy = {"torch", "cv2", "onnxruntime", "scipy"}
     assert not {relative(path): rooms_imported(path) for path in ADDON if rooms_imported(path) - ADDON_MAY_IMPORT}

@@ -4,7 +4,7 @@ import io
 import pickle
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,19 @@ def read_smpl_arrays(path: Path) -> SmplArrays:
     return arrays
 
 
+def unpickle_arrays(stream: BinaryIO) -> Any:
+    """What a pickle holds, of Python 2 or 3, without running anything that stands in it.
+
+    Numpy arrays, plain Python values, and stand-ins for sparse matrices and chumpy's wrapper come out; every other name
+    is refused.
+
+    Raises:
+        ModelError: it names something else.
+        Exception: it is damaged: almost any kind.
+    """
+    return _ArrayUnpickler(stream, encoding="latin1").load()
+
+
 def _check(path: Path, arrays: SmplArrays, tree: Any) -> None:
     count, joints = len(arrays.template), len(PARENTS)
     expected = {
@@ -91,7 +104,7 @@ def _read_npz(path: Path) -> dict[str, Any]:
 
 def _read_pickle(path: Path) -> dict[str, Any]:
     try:
-        entries = _ArrayUnpickler(io.BytesIO(path.read_bytes()), encoding="latin1").load()
+        entries = unpickle_arrays(io.BytesIO(path.read_bytes()))
     except ModelError:
         raise
     except Exception as error:  # a damaged pickle raises almost anything

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # The one restricted unpickler of the project lives where user's body models are read.
-from core_solver.body.smpl_file import _ArrayUnpickler
+from core_solver.body.smpl_file import unpickle_arrays
 from core_solver.errors import UserError
 
 Array = NDArray[np.float64]
@@ -161,6 +161,6 @@ def _array(data: bytes, *, with_objects: bool) -> Any:
     if dtype.hasobject:
         if not with_objects:
             raise UserError("it holds Python objects where plain arrays are needed: save plain arrays")
-        return _ArrayUnpickler(stream, encoding="latin1").load()
+        return unpickle_arrays(stream)
     flat = np.frombuffer(data, dtype, offset=stream.tell())
     return flat.reshape(shape, order="F" if fortran_order else "C")
