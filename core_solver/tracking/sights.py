@@ -130,16 +130,27 @@ def _sight(detection: Detection, row: int, time: float) -> Sight:
 
 
 def _without_duplicates(sights: list[Sight]) -> list[Sight]:
-    """Keep the best reading of every body: the surest one with the most keypoints."""
+    """Keep the best reading of every body: the surest one with the most keypoints.
+
+    Two known identities are two people, however alike they stand, and go before what has none.
+    """
     if len(sights) < 2:
         return sights
     keypoints, confidence = stacked(sights, "keypoints"), stacked(sights, "confidence")
     distance = np.fmin(*body_distances(keypoints, confidence, keypoints, confidence))
     sizes = np.array([s.size for s in sights])
     same = distance < _DUPLICATE_DISTANCE * np.minimum(sizes[:, None], sizes[None])
+    same &= ~_known_apart([s.detection.identity for s in sights])
     worth = [s.detection.score * float(s.detection.confidence.sum()) for s in sights]
     kept: list[int] = []
-    for candidate in sorted(range(len(sights)), key=lambda i: -worth[i]):
+    for candidate in sorted(range(len(sights)), key=lambda i: (sights[i].detection.identity is None, -worth[i])):
         if not same[candidate, kept].any():
             kept.append(candidate)
     return [sights[i] for i in sorted(kept)]
+
+
+def _known_apart(identities: Sequence[int | None]) -> NDArray[np.bool_]:
+    """(n, n) whether two are known to be different people."""
+    numbers = np.array([-1 if i is None else i for i in identities])  # known ones are not negative
+    known = numbers >= 0
+    return known[:, None] & known[None] & (numbers[:, None] != numbers[None])

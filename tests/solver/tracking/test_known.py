@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from core_solver.perception.observations import CroppedMask, FrameObservations
 from core_solver.tracking import BACKGROUND, UNCLAIMED, Modalities, track_people
@@ -44,6 +45,28 @@ def test_two_identities_are_not_joined_where_one_follows_the_other() -> None:
 def test_strangers_among_known_people_are_tracked() -> None:
     result = track(named(film([LEFT, RIGHT], 2), lambda _row, left: 3 if left else None))
     assert [t.valid.all() for t in result.tracks] == [True, True]
+
+
+def test_two_known_people_in_one_place_are_two() -> None:
+    """Somebody carried, or skeletons drawn to each other: tracking alone would take them for two readings of one."""
+    twins = film([LEFT, replace(LEFT, clothes=1)], 2)
+    assert len(track(twins).tracks) == 1, "without identities it is one person"
+    numbers = iter(range(10**6))
+    result = track(named(twins, lambda *_: next(numbers) % 2))
+    assert [t.valid.all() for t in result.tracks] == [True, True]
+
+
+def test_a_surer_reading_without_identity_does_not_displace_a_known_person() -> None:
+    frames = named(film([LEFT], 2), lambda *_: 5)
+    surer = [
+        replace(d, identity=None, score=1.0, confidence=np.ones_like(d.confidence))
+        for o in frames
+        for d in o.detections
+    ]
+    doubled = [replace(o, detections=(*o.detections, d)) for o, d in zip(frames, surer, strict=True)]
+    (person,) = track(doubled).tracks
+    assert person.valid.all()
+    assert person.score == pytest.approx(np.mean([o.detections[0].score for o in frames]))
 
 
 def test_a_long_gap_does_not_part_a_known_person() -> None:
