@@ -101,7 +101,13 @@ def read_observations(work: Path) -> Observations:
 
 
 def observation_key(clip: VideoClip, files: Sequence[Path], given: GivenModalities | None = None) -> str:
-    """JSON that changes with anything that changes the observations."""
+    """JSON that changes with anything that changes the observations.
+
+    Args:
+        clip: the video.
+        files: networks, declarations and bodies in their order of use; what counts is what they hold.
+        given: what need not be computed.
+    """
     stat = clip.path.stat()
     known = {} if given is None else {"modalities": _fingerprint(given)}
     with clip.path.open("rb") as video:
@@ -114,11 +120,17 @@ def observation_key(clip: VideoClip, files: Sequence[Path], given: GivenModaliti
             "first_frame": clip.frame_list[0].index,
             "every": clip.every,
             "rotation": clip.rotation,
-            "networks": {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
+            "networks": [{"name": file.name, "sha256": _content(file)} for file in files],
             **known,
         },
         indent=1,
     )
+
+
+def _content(file: Path) -> str:
+    """A digest of a file, which may be too large for memory."""
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _fingerprint(given: GivenModalities) -> dict[str, str | int]:

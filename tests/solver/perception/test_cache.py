@@ -8,7 +8,7 @@ import pytest
 
 from core_solver.errors import UserError
 from core_solver.perception import cache
-from core_solver.perception.cache import observe, read_chunk, read_observations, write_chunk
+from core_solver.perception.cache import observation_key, observe, read_chunk, read_observations, write_chunk
 from core_solver.perception.observations import CroppedMask, FrameObservations
 from core_solver.progress import SilentProgress
 from core_solver.video import VideoClip, open_video
@@ -183,6 +183,19 @@ def test_another_video_range_or_network_starts_anew(clip: VideoClip, networks, t
     changed = open_video(clip.path)
     assert len(run(changed, networks, work)) == FRAMES
     assert networks.looked == list(range(FRAMES))
+
+
+def test_networks_of_one_file_name_are_told_apart(clip: VideoClip, tmp_path: Path) -> None:
+    files = [tmp_path / folder / name for folder in ("masks", "depth") for name in ("model.toml", "model.onnx")]
+    for file in files:
+        file.parent.mkdir(exist_ok=True)
+        file.write_bytes(file.as_posix().encode())
+    keys = {observation_key(clip, files), observation_key(clip, files[:2]), observation_key(clip, files[2:])}
+    for file in files:
+        file.write_bytes(b"changed")
+        keys.add(observation_key(clip, files))
+    assert len(keys) == 3 + len(files)
+    assert observation_key(clip, files) in keys
 
 
 def test_a_place_that_cannot_be_written_is_named(clip: VideoClip, networks, tmp_path: Path) -> None:
