@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from core_solver.body.skeleton import keypoint_index
 from core_solver.camera import Camera
-from core_solver.optimise.evidence import expect_shallow, gather_evidence, turn_to_camera
+from core_solver.optimise.evidence import expect_shallow, gather_evidence, regressed_frames, turn_to_camera
 from core_solver.optimise.placement import place
 from core_solver.scene.contacts import still_feet
 from core_solver.tracking.tracks import Modalities
@@ -41,7 +41,7 @@ class Sights:
         image_size: (width, height) pixels.
         pixels: (N, F, 25, 2).
         confidence: (N, F, 25), 0 where not valid.
-        landmarks: (N, F, 25, 3) metres of an average body, z along the person's viewing ray.
+        landmarks: (N, F, 25, 3) metres of an average body as they are to be expected, z along the viewing ray.
         still: (N, F, 2) probability that a foot rests in the picture.
     """
 
@@ -87,8 +87,13 @@ def gather_sights(modalities: Modalities, most_people: int) -> Sights:
     landmarks = np.stack([modalities.tracks[n].landmarks.astype(float) for n in people])
     landmarks = np.nan_to_num(landmarks, nan=0.0, posinf=0.0, neginf=0.0)
     chosen = np.ix_(people, frames)
+    regressed = regressed_frames(modalities.tracks)[chosen]
     return Sights(
-        modalities.image_size, evidence.pixels[chosen], evidence.confidence[chosen], landmarks[:, frames], still[chosen]
+        modalities.image_size,
+        evidence.pixels[chosen],
+        evidence.confidence[chosen],
+        expect_shallow(landmarks[:, frames], regressed),
+        still[chosen],
     )
 
 
@@ -100,7 +105,7 @@ def look(sights: Sights, focal: float) -> Bystanders:
         focal: length in longer sides of the picture.
     """
     camera = pinhole(sights.image_size, focal)
-    landmarks = turn_to_camera(expect_shallow(sights.landmarks), sights.pixels, camera)
+    landmarks = turn_to_camera(sights.landmarks, sights.pixels, camera)
     rays = camera.rays(sights.pixels)
     translation, good = place(landmarks, rays[..., :2], sights.confidence)
     good &= sights.confidence.sum(axis=-1) > 0

@@ -18,7 +18,7 @@ _BODY_ARRAYS = (
     "template", "shape_directions", "joint_regressor", "weights", "faces", "keypoint_regressor", "neutral_betas",
     "proxy",
 )  # fmt: skip
-_TRACK_ARRAYS = ("valid", "keypoints", "confidence", "landmarks")
+_TRACK_ARRAYS = ("valid", "keypoints", "confidence", "landmarks", "regressed")  # the last may be missing
 _GROUND = "ground."
 _NUMBERS = ("seconds", "cpu_seconds", "peak_mb")
 
@@ -80,7 +80,7 @@ def read_problem(path: Path) -> Problem:
         arrays = {name: archive[name] for name in archive.files}
     facts = json.loads(arrays["facts"].tobytes())
     tracks = (
-        Track(id=number, score=score, **{name: arrays[f"track{index}.{name}"] for name in _TRACK_ARRAYS})
+        Track(id=number, score=score, **{name: arrays.get(f"track{index}.{name}") for name in _TRACK_ARRAYS})  # type: ignore[arg-type]
         for index, (number, score) in enumerate(facts["tracks"])
     )
     width, height = facts["image_size"]

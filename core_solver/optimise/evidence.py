@@ -1,5 +1,6 @@
 """What the solver fits: tracks in the units of the energies, one array for all people."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ from numpy.typing import NDArray
 
 from core_solver.camera import Camera
 from core_solver.geometry import align_vectors
-from core_solver.tracking.tracks import Modalities
+from core_solver.tracking.tracks import Modalities, Track
 
 Array = NDArray[np.float64]
 
@@ -46,14 +47,14 @@ def gather_evidence(modalities: Modalities, camera: Camera) -> Evidence:
     valid = np.stack([t.valid for t in tracks])
     confidence = np.where(valid[..., None] & np.isfinite(pixels).all(-1), np.clip(confidence, 0, 1), 0)
     pixels = _fill_missing(pixels)
-    landmarks = _finite(np.stack([t.landmarks for t in tracks]))
+    landmarks = expect_shallow(_finite(np.stack([t.landmarks for t in tracks])), regressed_frames(tracks))
     return Evidence(
         seconds=np.diff(modalities.times),
         times=modalities.times,
         valid=valid,
         pixels=pixels,
         confidence=confidence,
-        landmarks=turn_to_camera(expect_shallow(landmarks), pixels, camera),
+        landmarks=turn_to_camera(landmarks, pixels, camera),
         size=_person_sizes(pixels, confidence, valid),
     )
 
@@ -71,18 +72,29 @@ def _fill_missing(pixels: Array) -> Array:
     return np.where(known, pixels, middle)
 
 
-def expect_shallow(landmarks: Array) -> Array:
-    """Landmarks (..., T, 25, 3) as they are to be expected, their depths drawn towards the body's axis.
+def regressed_frames(tracks: Sequence[Track]) -> NDArray[np.bool_]:
+    """(N, T) where the landmarks are those of a body in a regressed pose."""
+    return np.stack([np.zeros_like(t.valid) if t.regressed is None else t.regressed for t in tracks])
+
+
+def expect_shallow(landmarks: Array, regressed: NDArray[np.bool_]) -> Array:
+    """Landmarks as they are to be expected, the depths of points seen one by one drawn towards the body's axis.
 
     A network's depth within a body is wrong by about 5 cm, and every such error, to the front or to the back, makes a
     limb look shorter in the picture than it is. Taken at its word it puts people 3 to 4 % too near. The axis keeps its
-    lean: seen from above, the head of somebody upright is nearer than the feet.
+    lean: seen from above, the head of somebody upright is nearer than the feet. A body in a regressed pose has limbs of
+    their own length, so that nothing of this holds for it.
+
+    Args:
+        landmarks: (..., T, 25, 3).
+        regressed: (..., T) where they stay as they are.
     """
     centred = landmarks - landmarks.mean(axis=-2, keepdims=True)
     down, depth = centred[..., 1], centred[..., 2]
     axis = (depth * down).sum((-2, -1)) / np.maximum((down**2).sum((-2, -1)), 1e-9)
     off_axis = depth - axis[..., None, None] * down
-    return landmarks - (1 - _LANDMARK_DEPTH) * off_axis[..., None] * (0.0, 0.0, 1.0)
+    shallow = landmarks - (1 - _LANDMARK_DEPTH) * off_axis[..., None] * (0.0, 0.0, 1.0)
+    return np.where(regressed[..., None, None], landmarks, shallow)
 
 
 def turn_to_camera(landmarks: Array, pixels: Array, camera: Camera) -> Array:

@@ -25,7 +25,7 @@ from core_solver.perception.precomputed.join import Helpers, perceive_given
 from core_solver.progress import Progress
 from core_solver.video import VideoClip
 
-_VERSION = 2  # raise when observations change their meaning
+_VERSION = 3  # raise when observations change their meaning
 _CHUNK_FRAMES = 32
 _HEAD_BYTES = 1 << 20
 _FOLDER = "observations"
@@ -169,6 +169,7 @@ def write_chunk(path: Path, observations: Sequence[FrameObservations]) -> None:
         "people": np.array([len(o.detections) for o in observations], np.int64),
         "score": np.array([d.score for d in people], np.float64),
         "identity": np.array([_NOBODY if d.identity is None else d.identity for d in people], np.int64),
+        "regressed": np.array([d.regressed for d in people], bool),
         "unclaimed": np.array([len(o.unclaimed) for o in observations], np.int64),
     }
     arrays |= _packed("mask", [d.mask for d in people])
@@ -207,9 +208,10 @@ _T = TypeVar("_T")
 
 
 def _completed(arrays: dict[str, NDArray]) -> dict[str, NDArray]:
-    """Arrays with what version 1 did not keep: then no identity was known, and nothing unclaimed."""
+    """Arrays with what older versions did not keep: then no identity was known, and nothing regressed or unclaimed."""
     nothing = {
         "identity": np.full(len(arrays["score"]), _NOBODY),
+        "regressed": np.zeros(len(arrays["score"]), bool),
         "unclaimed": np.zeros(len(arrays["index"]), np.int64),
         **_packed("unclaimed", ()),
     }
@@ -222,6 +224,7 @@ def _detections(arrays: dict[str, NDArray]) -> list[Detection]:
             score=float(arrays["score"][i]),
             mask=mask,
             identity=None if arrays["identity"][i] == _NOBODY else int(arrays["identity"][i]),
+            regressed=bool(arrays["regressed"][i]),
             **{name: arrays[name][i] for name in _PER_PERSON},
         )
         for i, mask in enumerate(_unpacked("mask", arrays))

@@ -51,6 +51,8 @@ class Detection:
         mask: where the person is; empty where nobody has said.
         identity: the same number for the same person in all frames, where files given by the user say so; None for
             somebody to be tracked.
+        regressed: whether the landmarks are those of a body in a regressed pose (SMPL), and not points that a network
+            saw one by one.
     """
 
     score: float
@@ -61,6 +63,7 @@ class Detection:
     appearance: Floats
     mask: CroppedMask
     identity: int | None = None
+    regressed: bool = False
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from core_solver.tracking.tracks import Track
 
 Array = NDArray[np.float64]
 
+_HALF = 0.5
+
 
 def fill_track(somebody: Somebody, track_id: int, times: Array) -> Track:
     """Arrays over all frames of one person.
@@ -40,23 +42,32 @@ def fill_track(somebody: Somebody, track_id: int, times: Array) -> Track:
     valid[rows] = True
     filled = _filled_keypoints(keypoints, person, rows, times)
     filled[rows] = keypoints  # exactly what was seen, without rounding
+    regressed = np.array([s.detection.regressed for s in person.sights])
+    landmarks, regressed = _known_landmarks(landmarks, regressed, rows, times)
     return Track(
         id=track_id,
         valid=valid,
         keypoints=filled.astype(np.float32),
         confidence=confidence,
-        landmarks=_known_landmarks(landmarks, rows, times).astype(np.float32),
+        landmarks=landmarks.astype(np.float32),
         score=mean_score(person),
         name=somebody.name,
+        regressed=regressed,
     )
 
 
-def _known_landmarks(landmarks: Array, rows: NDArray[np.int64], times: Array) -> Array:
-    """Landmarks (T, 25, 3) from those sights (n, 25, 3) that have some; zeros where no sight has."""
+def _known_landmarks(
+    landmarks: Array, regressed: NDArray[np.bool_], rows: NDArray[np.int64], times: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Landmarks (T, 25, 3), and (T,) whether they are regressed, from those of the n sights that have some.
+
+    Zeros where no sight has. Between sights of both kinds the nearer one's kind counts.
+    """
     known = np.isfinite(landmarks).all(axis=(1, 2))
     if not known.any():
-        return np.zeros((len(times), *landmarks.shape[1:]))
-    return _held(landmarks[known], rows[known], times)
+        return np.zeros((len(times), *landmarks.shape[1:])), np.zeros(len(times), bool)
+    rows = rows[known]
+    return _held(landmarks[known], rows, times), _held(regressed[known].astype(float), rows, times) > _HALF
 
 
 def _have_both_neighbours(rows: NDArray[np.int64]) -> NDArray[np.bool_]:

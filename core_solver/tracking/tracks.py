@@ -23,6 +23,8 @@ class Track:
         landmarks: (T, 25, 3) metres of an average body, camera axes, origin mid-hips; interpolated where not valid.
         score: mean detection score over the valid frames.
         name: given by the user; empty for the default one.
+        regressed: (T,) bool, True where the landmarks are those of a body in a regressed pose, whose depths are a
+            body's, and not points that a network saw one by one; None for nowhere.
     """
 
     id: int
@@ -32,6 +34,7 @@ class Track:
     landmarks: Floats
     score: float
     name: str = ""
+    regressed: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)

@@ -54,8 +54,8 @@ def overruled(detection: Detection, person: Person, picture: tuple[int, int]) ->
             detection, keypoints=keypoints, confidence=confidence, box=_box(person, keypoints, confidence, picture)
         )
     mask = detection.mask if person.mask is None else person.mask
-    landmarks = detection.landmarks if person.landmarks is None else person.landmarks
-    return replace(detection, mask=mask, landmarks=landmarks)
+    detection = replace(detection, mask=mask)
+    return detection if person.landmarks is None else replace(detection, landmarks=person.landmarks, regressed=True)
 
 
 def declared_detection(
@@ -75,6 +75,7 @@ def declared_detection(
         landmarks=person.landmarks,
         appearance=_clothes(image, roi_from_pose(pose), person.mask, named.points, labels),
         mask=person.mask,
+        regressed=True,
     )
 
 

@@ -187,6 +187,7 @@ class _Joiner:
             replace(
                 person,
                 landmarks=landmarks_from(poses[own[i]].theta, self.given.body),
+                regressed=True,
                 identity=poses[own[i]].identity if named else person.identity,
             )
             if i in own

@@ -35,6 +35,15 @@ def test_a_problem_comes_back_whole(tmp_path, with_depth):
     assert_same(problem, read_problem(tmp_path / "p.npz"))
 
 
+def test_the_kind_of_the_landmarks_comes_back(tmp_path):
+    fake = make_fake().scene
+    kinds = [np.arange(len(t.valid)) % 3 == n for n, t in enumerate(fake.modalities.tracks)]
+    tracks = tuple(replace(t, regressed=kind) for t, kind in zip(fake.modalities.tracks, kinds, strict=True))
+    problem = Problem(replace(fake.modalities, tracks=tracks), fake.camera, fake.body)
+    write_problem(tmp_path / "p.npz", problem)
+    assert_same(problem, read_problem(tmp_path / "p.npz"))
+
+
 def test_an_outcome_comes_back_whole(tmp_path):
     outcome = Outcome(make_fake().solution, 12.5, 20.5, 345.0)
     write_outcome(tmp_path / "o.npz", outcome)

@@ -107,12 +107,26 @@ def test_errors_in_depth_shorten_no_limb_on_average() -> None:
         return float(believed @ real / (believed @ believed))
 
     assert slope(noisy) == pytest.approx(0.8, abs=0.01)
-    assert slope(expect_shallow(noisy)) == pytest.approx(1, abs=0.01)
-    np.testing.assert_array_equal(expect_shallow(noisy)[..., :2], noisy[..., :2])
+    shallow = expect_shallow(noisy, np.zeros(4000, bool))
+    assert slope(shallow) == pytest.approx(1, abs=0.01)
+    np.testing.assert_array_equal(shallow[..., :2], noisy[..., :2])
 
 
 def test_seen_from_above_an_upright_body_keeps_its_lean() -> None:
     """The head is nearer than the feet: that is no error of depth."""
     height = np.linspace(-0.9, 0.9, 25)
     leaning = np.stack([0 * height, height, 0.4 * height], axis=-1)[None]
-    np.testing.assert_allclose(expect_shallow(leaning), leaning, atol=1e-12)
+    np.testing.assert_allclose(expect_shallow(leaning, np.zeros(1, bool)), leaning, atol=1e-12)
+
+
+def test_bodies_in_regressed_poses_keep_their_depths(clip) -> None:
+    """Frame by frame: a clip may have both kinds."""
+    frames = np.arange(6) % 2 == 0
+    points = gather_evidence(clip.modalities, clip.camera).landmarks
+    mixed = gather_evidence(change_tracks(clip, lambda t: replace(t, regressed=frames)), clip.camera).landmarks
+    np.testing.assert_array_equal(mixed[:, ~frames], points[:, ~frames])
+    for n, track in enumerate(clip.modalities.tracks):
+        as_seen = track.landmarks[frames].astype(float)
+        pixels = clip.camera.undistort(track.keypoints[frames])
+        np.testing.assert_allclose(mixed[n, frames], turn_to_camera(as_seen, pixels, clip.camera), atol=1e-6)
+    assert np.abs(mixed[:, frames] - points[:, frames]).max() > 0.01

@@ -95,10 +95,12 @@ def test_identities_and_unclaimed_places_come_back(tmp_path: Path) -> None:
     written = [random_observations(rng, i, 2) for i in range(3)]
     first, second = written[1].detections
     places = (CroppedMask(3, 4, np.full((2, 5), 255, np.uint8)), CroppedMask(0, 0, np.full((1, 1), 255, np.uint8)))
-    written[1] = replace(written[1], detections=(replace(first, identity=0), second), unclaimed=places)
+    first = replace(first, identity=0, regressed=True)
+    written[1] = replace(written[1], detections=(first, second), unclaimed=places)
     write_chunk(tmp_path / "a.npz", written)
     read = read_chunk(tmp_path / "a.npz")
     assert [d.identity for o in read for d in o.detections] == [None, None, 0, None, None, None]
+    assert [d.regressed for o in read for d in o.detections] == [False, False, True, False, False, False]
     assert [len(o.unclaimed) for o in read] == [0, 2, 0]
     for found, place in zip(read[1].unclaimed, places, strict=True):
         assert (found.top, found.left) == (place.top, place.left)
@@ -109,7 +111,9 @@ def test_observations_of_the_first_version_can_still_be_read(tmp_path: Path) -> 
     written = [random_observations(np.random.default_rng(3), 0, 2)]
     write_chunk(tmp_path / "a.npz", written)
     with np.load(tmp_path / "a.npz") as archive:
-        old = {n: archive[n] for n in archive.files if n != "identity" and not n.startswith("unclaimed")}
+        old = {
+            n: archive[n] for n in archive.files if n not in ("identity", "regressed") and not n.startswith("unclaimed")
+        }
     np.savez(tmp_path / "a.npz", **old)
     (read,) = read_chunk(tmp_path / "a.npz")
     assert same(read, written[0])

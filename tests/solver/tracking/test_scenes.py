@@ -142,6 +142,21 @@ def test_landmarks_nobody_has_seen_are_taken_from_before_and_after() -> None:
     np.testing.assert_allclose(found.landmarks, np.broadcast_to(found.landmarks[0], found.landmarks.shape), atol=1e-6)
 
 
+def test_the_kind_of_the_landmarks_follows_the_person() -> None:
+    """Regressed poses in the first second only, one of them without landmarks, and nobody seen in a gap after it."""
+
+    def of_kind(frame: FrameObservations) -> FrameObservations:
+        early = frame.frame.time < 1
+        seen = [replace(d, regressed=early) for d in frame.detections]
+        if frame.frame.index == 4:
+            seen = [replace(d, landmarks=np.full_like(d.landmarks, np.nan), regressed=False) for d in seen]
+        return with_detections(frame, [] if 9 < frame.frame.index < 16 else seen)
+
+    (found,) = track([of_kind(f) for f in film([Walker(straight((200, 240), (40, 0)))], 3, 10)]).tracks
+    assert found.regressed is not None
+    assert found.regressed.tolist() == [True] * 13 + [False] * 17
+
+
 def test_brief_people_count_by_seconds_and_size() -> None:
     """Of a minute 1.5 s are enough for somebody tall, and a tenth of it for somebody small."""
     walkers = [

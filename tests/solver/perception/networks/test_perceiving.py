@@ -174,10 +174,12 @@ def test_declared_masks_and_landmarks_take_the_place() -> None:
     found = seen_by(Person(PERSON, mask=mask))
     assert found is not None
     assert found.mask is mask
+    assert not found.regressed
     assert not np.array_equal(found.landmarks, landmarks)
     found = seen_by(Person(PERSON, landmarks=landmarks))
     assert found is not None
     assert found.landmarks is landmarks
+    assert found.regressed
     assert found.mask.values.size > 0
 
 
@@ -201,6 +203,7 @@ def test_somebody_whom_blazepose_does_not_see_stays_if_the_declared_networks_say
     assert found is not None
     np.testing.assert_allclose(found.confidence[:17], pose.confidence)
     assert (found.confidence[17:] == 0).all()
+    assert found.regressed
 
 
 def test_a_name_that_is_nothing(tmp_path: Path) -> None:

@@ -128,6 +128,7 @@ def test_given_smpl_poses_are_not_asked_for_again(scene, body: Body) -> None:
     left, right = first.detections
     assert (left.landmarks == 0.5).all()
     assert right.landmarks[15, 1] > 0.5
+    assert (left.regressed, right.regressed) == (False, True)
     assert abs(right.mask.left - 192) <= 2
     assert left.mask.values.size == 0
     assert len(first.unclaimed) == 1
