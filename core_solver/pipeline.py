@@ -240,7 +240,7 @@ def seen_camera(camera: Camera, networks: Networks | Helpers, clip: VideoClip, p
     """In place of an assumed field of view the one that a declared depth network sees, if it says."""
     if not camera.source.startswith("assumed"):
         return camera
-    view = networks.field_of_view(picture for _, picture in clip.spread(_VIEW_PICTURES))
+    view = networks.declared.field_of_view(picture for _, picture in clip.spread(_VIEW_PICTURES))
     if view is None:
         return camera
     progress.note(f"The depth network sees a field of view of {view:.1f} degrees, which is used instead.")

@@ -1,6 +1,6 @@
 """From frames to observations: the default networks and the user's own, one frame after the other."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -64,10 +64,6 @@ class Networks:
     def open_disparity(self, width: int, height: int) -> DepthNetwork | None:
         """The depth network for a video of this size, if there is one."""
         return self.declared.depth or open_disparity(self.disparity_files, width, height)
-
-    def field_of_view(self, images: Iterable[Image]) -> float | None:
-        """Degrees along the longer side, as the declared depth network sees it; None where it does not say."""
-        return self.declared.field_of_view(images)
 
 
 def load_networks(store: ModelStore, depth: Path | None) -> Networks:

@@ -1,6 +1,6 @@
 """Frames seen partly by other programs and partly by the default networks."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -63,12 +63,6 @@ class Helpers:
     def open_disparity(self, width: int, height: int) -> DepthNetwork | None:
         """The depth network for a video of this size, if there is one."""
         return self.declared.depth or open_disparity(self.disparity_files, width, height)
-
-    def field_of_view(self, images: Iterable[Image]) -> float | None:
-        """Degrees along the longer side as a declared depth network sees it; None where none does."""
-        views = [self.declared.depth.look(image).field_of_view for image in images] if self.declared.depth else []
-        known = [view for view in views if view is not None]
-        return float(np.median(known)) if known else None
 
 
 def load_helpers(

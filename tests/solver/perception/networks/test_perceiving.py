@@ -144,7 +144,7 @@ def test_without_declarations_nothing_changes() -> None:
     assert with_declared(networks, (), ModelStore(), "auto") is networks
     assert networks.files_for(*PICTURE) == (Unused.path, Unused.path)
     assert networks.open_disparity(*PICTURE) is None
-    assert networks.field_of_view([np.zeros((8, 8, 3), np.uint8)]) is None
+    assert networks.declared.field_of_view([np.zeros((8, 8, 3), np.uint8)]) is None
 
 
 IMAGE = np.full((PICTURE[1], PICTURE[0], 3), 90, np.uint8)
