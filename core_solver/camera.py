@@ -105,11 +105,12 @@ class CameraEstimate:
 
     Attributes:
         camera: intrinsics.
-        focal_sigma: deviation of log focal length; 0 where it is calibrated or given.
+        focal_sigma: deviation of log focal length; 0 where it is calibrated or given, or nothing says how well it is
+            known.
     """
 
     camera: Camera
-    focal_sigma: float
+    focal_sigma: float = 0.0
 
     def stated(self) -> Camera:
         """The camera, whose source also tells the deviation."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from core_solver.assemble import Provenance, assemble_take, person_colour
 from core_solver.body import BodyModel, load_body
-from core_solver.camera import DEFAULT_FOV_DEGREES, Camera, camera_from_fov, read_camera
+from core_solver.camera import Camera, CameraEstimate, camera_from_fov, read_camera
 from core_solver.camera_estimation import estimate_camera
 from core_solver.camera_metadata import camera_from_metadata
 from core_solver.errors import CameraError, UserError, VideoError
@@ -101,12 +101,12 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
     edits = read_edits(options.identities) if options.identities else ()
     device = choose_device(options.device)
     clip = open_video(options.video, options.start_s, options.end_s, options.every, options.rotate)
-    camera = choose_camera(options, clip, progress)
+    known_camera = choose_camera(options, clip, progress)
     store = ModelStore(options.models_dir)
     body = load_body(options.body or store.require("open-body"))
     networks = _choose_networks(options, store, clip, body, progress)
-    if options.networks:
-        camera = seen_camera(camera, networks, clip, progress)
+    if known_camera is None and options.networks:
+        known_camera = seen_camera(networks, clip, progress)
     depth_source = _depth_source(networks, clip, progress)
     observations = list(observe(clip, networks, work_directory(options.output), progress, resume=options.resume))
     size = (clip.width, clip.height)
@@ -121,10 +121,9 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
         work_directory(options.output) / IDENTITIES_FILE, found.people, edits, modalities.frames.tolist(), colours
     )
     _require_people(modalities, clip)
-    if camera.source.startswith("assumed"):
-        camera = estimate_camera(modalities).stated()
-        progress.note(f"Field of view: {camera.fov_degrees:.0f} degrees along the longer side, {camera.source}.")
-    warnings = _warnings(camera, modalities, depth_source, motion, shake)
+    estimate = known_camera or _estimate_camera(modalities, progress)
+    camera = estimate.stated()
+    warnings = _warnings(estimate, modalities, depth_source, motion, shake)
     for warning in warnings[:1] if motion.is_moving or shake is not None else ():
         progress.note(warning)
     solution = solve(modalities, camera, body, progress, PRESETS[options.preset], device)
@@ -174,8 +173,8 @@ def choose_device(name: str) -> str:
     return name
 
 
-def choose_camera(options: SolveOptions, clip: VideoClip, progress: Progress) -> Camera:
-    """Intrinsics from a file, a given field of view, the video's metadata, or assumed until people have been seen.
+def choose_camera(options: SolveOptions, clip: VideoClip, progress: Progress) -> CameraEstimate | None:
+    """Intrinsics from a file, a given field of view or the video's metadata; None where none of them says anything.
 
     Raises:
         CameraError: the file does not fit, or both were given.
@@ -183,9 +182,10 @@ def choose_camera(options: SolveOptions, clip: VideoClip, progress: Progress) ->
     if options.camera is not None and options.fov_degrees is not None:
         raise CameraError("--camera and --fov exclude each other: the camera file already holds the field of view")
     if options.camera is not None:
-        return read_camera(options.camera, clip.width, clip.height)
+        return CameraEstimate(read_camera(options.camera, clip.width, clip.height))
     if options.fov_degrees is not None:
-        return camera_from_fov(clip.width, clip.height, options.fov_degrees, "field of view given by the user")
+        given = camera_from_fov(clip.width, clip.height, options.fov_degrees, "field of view given by the user")
+        return CameraEstimate(given)
     stored = camera_from_metadata(clip.path, clip.width, clip.height)
     if stored is not None:
         camera = stored.stated()
@@ -193,12 +193,12 @@ def choose_camera(options: SolveOptions, clip: VideoClip, progress: Progress) ->
             f"Field of view: {camera.fov_degrees:.0f} degrees along the longer side ({camera.source}). Stabilisation "
             "and some video modes show less than the lens does: give --camera or --fov if you know better."
         )
-        return camera
+        return stored
     progress.note(
         "No camera file: the field of view is estimated from the people. Distances depend on it: give --camera or "
         "--fov if you know better."
     )
-    return camera_from_fov(clip.width, clip.height, DEFAULT_FOV_DEGREES, "assumed field of view")
+    return None
 
 
 def _choose_networks(
@@ -236,15 +236,20 @@ def build_scene(
     )
 
 
-def seen_camera(camera: Camera, networks: Networks | Helpers, clip: VideoClip, progress: Progress) -> Camera:
-    """In place of an assumed field of view the one that a declared depth network sees, if it says."""
-    if not camera.source.startswith("assumed"):
-        return camera
+def seen_camera(networks: Networks | Helpers, clip: VideoClip, progress: Progress) -> CameraEstimate | None:
+    """The field of view that a declared depth network sees, if it says."""
     view = networks.declared.field_of_view(picture for _, picture in clip.spread(_VIEW_PICTURES))
     if view is None:
-        return camera
+        return None
     progress.note(f"The depth network sees a field of view of {view:.1f} degrees, which is used instead.")
-    return camera_from_fov(clip.width, clip.height, view, "field of view seen by the depth network")
+    return CameraEstimate(camera_from_fov(clip.width, clip.height, view, "field of view seen by the depth network"))
+
+
+def _estimate_camera(modalities: Modalities, progress: Progress) -> CameraEstimate:
+    estimate = estimate_camera(modalities)
+    view, source = estimate.camera.fov_degrees, estimate.stated().source
+    progress.note(f"Field of view: {view:.0f} degrees along the longer side, {source}.")
+    return estimate
 
 
 def _depth_source(networks: Networks | Helpers, clip: VideoClip, progress: Progress) -> str:
@@ -271,7 +276,7 @@ def _require_people(modalities: Modalities, clip: VideoClip) -> None:
 
 
 def _warnings(
-    camera: Camera, modalities: Modalities, depth_source: str, motion: CameraMotion, shake: Shake | None
+    camera: CameraEstimate, modalities: Modalities, depth_source: str, motion: CameraMotion, shake: Shake | None
 ) -> tuple[str, ...]:
     sentences = []
     if shake is not None:
@@ -281,8 +286,9 @@ def _warnings(
             f"The camera moves: the background drifts by {motion.drift_px:.0f} pixels. The solver assumes a static "
             "camera, so places and feet will be wrong; use footage from a tripod."
         )
-    if "give or take" in camera.source:
-        sentences.append(f"The field of view is no calibration ({camera.source}): all distances scale with it.")
+    if camera.focal_sigma > 0:
+        source = camera.stated().source
+        sentences.append(f"The field of view is no calibration ({source}): all distances scale with it.")
     sentences += describe_turned(modalities)
     if depth_source == GROUND_PLANE_PRIOR:
         sentences.append("Without a depth network the scene is a ground plane, a prior and no measurement.")

@@ -1,8 +1,9 @@
 """What the pipeline makes of the video's own camera: its stated lens, its shake, its rotation."""
 
+import json
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import cv2
 import numpy as np
@@ -69,6 +70,14 @@ def test_the_lens_that_the_video_states_is_used(stage, monkeypatch):
     assert take.meta.camera.source == "metadata: a lens, give or take 10 %"
     assert any("Stabilisation" in note for note in stage.progress.notes)
     assert any("no calibration" in warning for warning in take.meta.warnings)
+
+
+def test_what_a_camera_file_is_called_says_nothing_about_how_well_it_is_known(stage):
+    file = stage.folder / "assumed, give or take.json"
+    file.write_text(json.dumps(asdict(CAMERA)))
+    take = stage.run(fov_degrees=None, camera=str(file))
+    assert take.meta.camera.fx == CAMERA.fx
+    assert not any("no calibration" in warning for warning in take.meta.warnings)
 
 
 def test_a_small_shake_is_compensated_and_told(stage, monkeypatch):

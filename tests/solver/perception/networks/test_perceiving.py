@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 import pytest
 
-from core_solver.camera import camera_from_fov
 from core_solver.errors import ModelError
 from core_solver.perception.blazepose import BlazePose, BodyLandmarks
 from core_solver.perception.multipose import Pose
@@ -211,7 +210,7 @@ def test_a_name_that_is_nothing(tmp_path: Path) -> None:
         with_declared(networks_of(Unused(), Unused()), ["nothing"], ModelStore(tmp_path), "cpu")
 
 
-def test_the_field_of_view_that_a_network_sees_replaces_an_assumed_one(tmp_path: Path) -> None:
+def test_the_field_of_view_that_a_network_sees_is_the_cameras(tmp_path: Path) -> None:
     # 96 pixels of focal length over a 96 pixels wide input: the width is seen under 53.1 degrees.
     write_answers(
         tmp_path / "pro.onnx",
@@ -222,13 +221,11 @@ def test_the_field_of_view_that_a_network_sees_replaces_an_assumed_one(tmp_path:
     toml = declare(tmp_path / "pro.toml", task="depth", decoder="metric-depth")
     networks = with_declared(networks_of(Unused(), Unused()), [toml], ModelStore(tmp_path), "cpu")
     clip = open_video(draw_video(tmp_path / "clip.avi"))
-    assumed = camera_from_fov(*PICTURE, 55.0, "assumed field of view")
-    seen = seen_camera(assumed, networks, clip, SilentProgress())
-    assert seen.fx == pytest.approx(PICTURE[0], rel=1e-6)
-    assert seen.source == "field of view seen by the depth network"
-    known = camera_from_fov(*PICTURE, 55.0, "field of view given by the user")
-    assert seen_camera(known, networks, clip, SilentProgress()) is known
+    seen = seen_camera(networks, clip, SilentProgress())
+    assert seen is not None
+    assert seen.camera.fx == pytest.approx(PICTURE[0], rel=1e-6)
+    assert seen.camera.source == "field of view seen by the depth network"
     write_grey_network(tmp_path / "silent.onnx", [64, 96])
     silent = declare(tmp_path / "silent.toml", task="depth", decoder="metric-depth")
     networks = with_declared(networks_of(Unused(), Unused()), [silent], ModelStore(tmp_path), "cpu")
-    assert seen_camera(assumed, networks, clip, SilentProgress()) is assumed
+    assert seen_camera(networks, clip, SilentProgress()) is None
