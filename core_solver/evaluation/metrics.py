@@ -53,6 +53,11 @@ def mean_or_none(values: Array | Mask) -> float | None:
     return float(values.mean()) if values.size else None
 
 
+def first_to_last(valid: Mask) -> Mask:
+    """(T,) from the first to the last True."""
+    return np.logical_or.accumulate(valid) & np.logical_or.accumulate(valid[::-1])[::-1]
+
+
 def match_people(predicted: Array, true: Array, found: Mask, present: Mask) -> NDArray[np.int64]:
     """Which predicted person is which true one: the assignment with the smallest mean angle between viewing rays.
 

@@ -147,7 +147,7 @@ def evaluate_scene(scene: SyntheticScene, solution: Solution, seconds: float, pe
     is when a take shows them. Before and after, they cost average precision and nothing else.
     """
     truth, people = scene.truth, pose_people(solution, scene.body)
-    found = np.stack([_span(track.valid) for track in scene.modalities.tracks])
+    found = np.stack([metrics.first_to_last(track.valid) for track in scene.modalities.tracks])
     mask = truth.present & found
     roots, true_roots = people.joints[:, :, 0], truth.joints[:, :, 0]
     rate = _frame_rate(scene.modalities.times)
@@ -205,11 +205,6 @@ def mean_row(preset: str, ablation: str, seeds: Sequence[int], scores: Sequence[
         )
 
     return Row(preset, ablation, tuple(seeds), Measures(**{name: mean(name) for name in MEASURES}))
-
-
-def _span(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(T,) from the first to the last True."""
-    return np.logical_or.accumulate(valid) & np.logical_or.accumulate(valid[::-1])[::-1]
 
 
 def _frame_rate(times: Array) -> float:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from core_solver.body import pose_joints, skin
 from core_solver.body.skeleton import joint_index
 from core_solver.camera import camera_from_model
-from core_solver.evaluation.metrics import Array, Mask
+from core_solver.evaluation.metrics import Array, Mask, first_to_last
 from core_solver.take import JOINT_NAMES, Person, Take
 
 HEAD_TOP = "head_top"
@@ -63,7 +63,7 @@ def people_of(take: Take) -> TakePeople:
     in_front = np.where(points[..., 2:] > 0, points, np.nan)
     return TakePeople(
         points=points,
-        found=np.array([_first_to_last(person.valid) for person in take.people], bool).reshape(-1, count),
+        found=np.array([first_to_last(person.valid) for person in take.people], bool).reshape(-1, count),
         scores=np.array([person.confidence.mean(axis=1) for person in take.people]).reshape(-1, count),
         pixels=camera_from_model(meta.camera).project(in_front),
         heights=np.array([person.height_m for person in take.people]),
@@ -88,7 +88,3 @@ def _head_top(person: Person, rotations: Array, joints: Array) -> Array:
     weights = np.zeros((1, len(JOINT_NAMES)))
     np.add.at(weights[0], person.weight_joints[vertex], person.weights[vertex])
     return skin(person.rest_vertices[[vertex]], weights, rotations, joints, person.rest_joints)
-
-
-def _first_to_last(valid: Mask) -> Mask:
-    return np.logical_or.accumulate(valid) & np.logical_or.accumulate(valid[::-1])[::-1]

@@ -226,3 +226,12 @@ def test_depth_order_by_hand():
 def test_one_person_has_no_order():
     true = roots((0, 0, 5.0))
     assert metrics.depth_order(true, true, everywhere(true)) is None
+
+
+# --- when somebody counts as found ---
+
+
+def test_from_the_first_to_the_last_sight_gaps_included():
+    seen = np.array([0, 0, 1, 0, 1, 1, 0], bool)
+    assert metrics.first_to_last(seen).tolist() == [False, False, True, True, True, True, False]
+    assert not metrics.first_to_last(np.zeros(3, bool)).any()
