@@ -40,9 +40,9 @@ class Provenance:
 
 def assemble_take(
     modalities: Modalities, solution: Solution, camera: Camera, body: BodyModel, clip: VideoClip, scene: Scene,
-    provenance: Provenance,
+    provenance: Provenance, steadying: NDArray[np.float64] | None = None,
 ) -> Take:  # fmt: skip
-    """Everything a take holds, in its types."""
+    """Everything a take holds, in its types; `steadying` as in `Take`."""
     normal, gravity = solution.ground.normal, solution.ground.gravity
     meta = Meta(
         frame_rate=clip.delivered_rate,
@@ -62,7 +62,7 @@ def assemble_take(
     )
     skinning = _four_weights(body.weights)
     people = tuple(_person(index, track, solution, body, skinning) for index, track in enumerate(modalities.tracks))
-    return Take(meta, modalities.times.astype(np.float64), people, scene)
+    return Take(meta, modalities.times.astype(np.float64), people, scene, steadying)
 
 
 def _person(

@@ -131,7 +131,8 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
         scene = build_scene(modalities, solution, camera, clip, options.points, shake)
         advance(1)
     provenance = Provenance(depth_source, options.preset, _settings(options), warnings)
-    take = assemble_take(modalities, solution, camera, body, clip, scene, provenance)
+    steadying = None if shake is None else shake.maps
+    take = assemble_take(modalities, solution, camera, body, clip, scene, provenance, steadying)
     write_take(options.output, take)
     return take
 

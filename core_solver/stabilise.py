@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core_solver.footage import between_centres, move_picture, move_points, shifted
 from core_solver.perception.observations import CroppedMask, Detection, FrameObservations
 from core_solver.video import (
     ENOUGH_CORNERS,
@@ -75,11 +76,7 @@ class Shake:
 
     def steady_picture(self, position: int, picture: Image) -> Image:
         """The (H, W, 3) picture of a frame as the first frame's camera would have seen it."""
-        size = picture.shape[1], picture.shape[0]
-        moved = cv2.warpPerspective(
-            picture, _between_centres(self.maps[position]), size, borderMode=cv2.BORDER_REPLICATE
-        )
-        return np.asarray(moved, np.uint8)
+        return move_picture(self.maps[position], picture)
 
 
 def is_worth_measuring(motion: CameraMotion) -> bool:
@@ -111,7 +108,7 @@ def measure_shake(clip: VideoClip, observations: Sequence[FrameObservations]) ->
     model = follower.best_model()
     known = [maps if maps is None else maps[model] for maps in follower.maps]
     to_small = np.diag([scale, scale, 1.0])
-    forward = np.linalg.inv(to_small) @ _shifted(_interpolated(known), 0.5) @ to_small
+    forward = np.linalg.inv(to_small) @ shifted(_interpolated(known), 0.5) @ to_small
     diagonal = float(np.hypot(clip.width, clip.height))
     return Shake(
         maps=_normalised(np.linalg.inv(forward)),
@@ -154,7 +151,7 @@ class _Follower:
         self.maps: list[list[Array] | None] = [[np.eye(3)] * len(MODELS)]
 
     def follow(self, other: Image, *, is_trial: bool) -> None:
-        there, good = follow_corners(self._first, other, self._corners, _apply(self._guess, self._corners))
+        there, good = follow_corners(self._first, other, self._corners, move_points(self._guess, self._corners))
         here, there = self._corners[good], there[good]
         maps = _fit_all(here, there) if len(here) >= max(ENOUGH_CORNERS, 0.1 * len(self._corners)) else None
         self.maps.append(maps)
@@ -196,13 +193,7 @@ def _fit_all(here: NDArray[np.float32], there: NDArray[np.float32]) -> list[Arra
 
 
 def _distance(homography: Array, here: NDArray, there: NDArray) -> float:
-    return float(np.median(np.linalg.norm(_apply(homography, here) - there, axis=-1)))
-
-
-def _apply(homography: Array, points: NDArray) -> Array:
-    """A (3, 3) map of points (..., 2)."""
-    ahead = points @ homography[:, :2].T + homography[:, 2]
-    return ahead[..., :2] / ahead[..., 2:]
+    return float(np.median(np.linalg.norm(move_points(homography, here) - there, axis=-1)))
 
 
 def _interpolated(known: Sequence[Array | None]) -> Array:
@@ -213,23 +204,13 @@ def _interpolated(known: Sequence[Array | None]) -> Array:
     return np.stack(filled, axis=-1).reshape(-1, 3, 3)
 
 
-def _shifted(maps: Array, by: float) -> Array:
-    """Maps of coordinates that are `by` larger, as ours are than OpenCV's: they count from the first pixel's centre."""
-    shift = np.array([[1, 0, by], [0, 1, by], [0, 0, 1.0]])
-    return shift @ maps @ np.linalg.inv(shift)
-
-
-def _between_centres(to_first: Array) -> Array:
-    return _shifted(to_first, -0.5)
-
-
 def _normalised(maps: Array) -> Array:
     return maps / maps[..., 2:, 2:]
 
 
 def _size(forward: Array, width: int, height: int) -> float:
     corners = np.array([[0.0, 0.0], [width, 0], [0, height], [width, height]])
-    moved = np.stack([_apply(m, corners) for m in forward])
+    moved = np.stack([move_points(m, corners) for m in forward])
     return float(np.percentile(np.linalg.norm(moved - corners, axis=-1), 90))
 
 
@@ -240,6 +221,7 @@ def _moved(
         seen.frame,
         tuple(_moved_detection(d, to_first, picture, labels) for d in seen.detections),
         None if seen.disparity is None else _moved_disparity(seen.disparity, to_first, picture),
+        tuple(_moved_mask(mask, _on_grid(to_first, picture, labels), labels) for mask in seen.unclaimed),
     )
 
 
@@ -247,12 +229,12 @@ def _moved_detection(
     person: Detection, to_first: Array, picture: tuple[int, int], labels: tuple[int, int]
 ) -> Detection:
     left, top, right, bottom = person.box.astype(float)
-    corners = _apply(to_first, np.array([[left, top], [right, top], [left, bottom], [right, bottom]]))
+    corners = move_points(to_first, np.array([[left, top], [right, top], [left, bottom], [right, bottom]]))
     turn = _turn(to_first, np.array([(left + right) / 2, (top + bottom) / 2]))
     return replace(
         person,
         box=np.concatenate([corners.min(axis=0), corners.max(axis=0)]).astype(np.float32),
-        keypoints=_apply(to_first, person.keypoints.astype(float)).astype(np.float32),
+        keypoints=move_points(to_first, person.keypoints.astype(float)).astype(np.float32),
         landmarks=(person.landmarks @ turn.T).astype(np.float32),
         mask=_moved_mask(person.mask, _on_grid(to_first, picture, labels), labels),
     )
@@ -260,7 +242,7 @@ def _moved_detection(
 
 def _turn(to_first: Array, place: Array) -> Array:
     """(3, 3) turn about the viewing ray that the map makes at a pixel."""
-    step = _apply(to_first, place + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
+    step = move_points(to_first, place + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
     right, down = step[1] - step[0], step[2] - step[0]
     angle = np.arctan2(right[1] - down[0], right[0] + down[1])
     return np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
@@ -269,13 +251,15 @@ def _turn(to_first: Array, place: Array) -> Array:
 def _on_grid(to_first: Array, picture: tuple[int, int], grid: tuple[int, int]) -> Array:
     """The same map between the cell centres of a grid laid over the whole picture, as OpenCV counts them."""
     cells = np.diag([grid[0] / picture[0], grid[1] / picture[1], 1.0])
-    return _between_centres(cells @ to_first @ np.linalg.inv(cells))
+    return between_centres(cells @ to_first @ np.linalg.inv(cells))
 
 
 def _moved_mask(mask: CroppedMask, on_grid: Array, labels: tuple[int, int]) -> CroppedMask:
     height, width = mask.values.shape
+    if mask.values.size == 0:
+        return mask
     corners = np.array([[0, 0], [width, 0], [0, height], [width, height]])
-    moved = _apply(on_grid, corners + np.array([mask.left - 0.5, mask.top - 0.5]))
+    moved = move_points(on_grid, corners + np.array([mask.left - 0.5, mask.top - 0.5]))
     low = np.clip(np.floor(moved.min(axis=0)), 0, np.array(labels) - 1).astype(int)
     high = np.clip(np.ceil(moved.max(axis=0)) + 1, low + 1, labels).astype(int)
     from_crop = np.array([[1, 0, mask.left], [0, 1, mask.top], [0, 0, 1.0]])
@@ -289,7 +273,7 @@ def _moved_disparity(disparity: NDArray[np.float16], to_first: Array, picture: t
     """What lies outside the frame is not known."""
     height, width = disparity.shape
     cells = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
-    source = _apply(np.linalg.inv(_on_grid(to_first, picture, (width, height))), cells)
+    source = move_points(np.linalg.inv(_on_grid(to_first, picture, (width, height))), cells)
     x, y = (source[..., axis].astype(np.float32) for axis in (0, 1))
     values = cv2.remap(disparity.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     outside = np.any((source < -0.5) | (source > np.array([width, height]) - 0.5), axis=-1)

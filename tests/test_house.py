@@ -28,6 +28,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("camera", "body"),
     ("perception.observations", "tracking.tracks"),
     ("energy", "raster", "video", "camera_metadata"),
+    ("footage",),
     ("perception", "tracking", "scene", "stabilise", "preview"),
     ("optimise",),  # its stages draw on `scene` for samples of the floor and for contacts
     (

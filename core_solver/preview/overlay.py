@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core_solver.camera import Camera, camera_from_model
-from core_solver.errors import UserError, VideoError
+from core_solver.errors import UserError
+from core_solver.footage import TakeFootage
 from core_solver.preview.bodies import PosablePerson
 from core_solver.preview.render import ShownBody, draw_bodies
 from core_solver.preview.text import draw_text
 from core_solver.progress import Advance
 from core_solver.take import Take
-from core_solver.video import VideoClip, open_video
 
 Image = NDArray[np.uint8]
 
@@ -36,31 +36,12 @@ class TakeOverFootage:
         self.take = take
         self.people = [PosablePerson(person) for person in take.people]
         self.camera: Camera = camera_from_model(take.meta.camera)
-        self._clip: VideoClip = open_video(video, rotation=int(take.meta.settings.get("rotate") or 0))
-        self._check(video)
-
-    def _check(self, video: Path) -> None:
-        wanted, found = (self.camera.width, self.camera.height), (self._clip.width, self._clip.height)
-        if wanted != found:
-            raise VideoError(
-                f"{video.name} has {found[0]}x{found[1]} pixels but the take was solved from {wanted[0]}x{wanted[1]}: "
-                f"give the take's own video ({self.take.meta.video_name})"
-            )
-        if self._frame_numbers()[-1] >= len(self._clip.frame_list):
-            raise VideoError(
-                f"{video.name} ends before the take does: give the take's own video ({self.take.meta.video_name})"
-            )
-
-    def _frame_numbers(self) -> list[int]:
-        meta = self.take.meta
-        return [meta.first_frame + meta.frame_step * frame for frame in range(self.take.frame_count)]
+        self._footage = TakeFootage(take, video)
 
     def pictures(self, frames: Sequence[int]) -> Iterator[Image]:
         """The footage with bodies and text at these increasing frames of the take."""
-        numbers = self._frame_numbers()
-        decoded = self._clip.frames_at([numbers[frame] for frame in frames])
-        for frame, (_, picture) in zip(frames, decoded, strict=True):
-            yield self._draw(picture, frame, numbers[frame])
+        for frame, picture in zip(frames, self._footage.pictures(frames), strict=True):
+            yield self._draw(picture, frame, self._footage.numbers[frame])
 
     def _draw(self, picture: Image, frame: int, number: int) -> Image:
         bodies = [

@@ -3,7 +3,7 @@
 import zipfile
 import zlib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from core_solver.body.skeleton import joint_index, keypoint_index
 from core_solver.camera import Camera, camera_from_model
 from core_solver.errors import UserError
+from core_solver.footage import move_points
 from core_solver.perception.observations import Detection, FrameObservations
 from core_solver.preview.bodies import PosablePerson
 from core_solver.take import Take
@@ -79,11 +80,19 @@ def measure_reprojection(take: Take, observations: Iterable[FrameObservations]) 
         found += 1
         drawn = [_project(joints[frame], camera) for joints in limbs]
         sizes[:, frame] = [np.hypot(*np.ptp(points, axis=0)) for points in drawn]
-        pixels[:, frame] = _frame_errors(drawn, seen.detections)
+        pixels[:, frame] = _frame_errors(drawn, _steadied(seen.detections, take, frame))
     if found == 0:
         return "What the networks saw beside the take belongs to other frames."
     valid = np.array([person.valid for person in take.people], bool).reshape(pixels.shape)
     return Reprojection(np.where(valid, pixels, np.nan), sizes)
+
+
+def _steadied(detections: tuple[Detection, ...], take: Take, frame: int) -> tuple[Detection, ...]:
+    """Sights of the raw video where the take's camera would have seen them."""
+    if take.steadying is None:
+        return detections
+    to_first = take.steadying[frame]
+    return tuple(replace(d, keypoints=move_points(to_first, d.keypoints).astype(np.float32)) for d in detections)
 
 
 def _project(joints: Array, camera: Camera) -> Array:

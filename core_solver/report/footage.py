@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core_solver.errors import VideoError
+from core_solver.footage import TakeFootage
 from core_solver.progress import Progress
-from core_solver.take import Take
-from core_solver.video import VideoClip, open_video
+from core_solver.take import CameraModel, Take
 
 Image = NDArray[np.uint8]
 
@@ -48,49 +48,36 @@ def read_footage(take: Take, video: Path, progress: Progress) -> Footage:
     Raises:
         VideoError: unreadable, or not the take's own video.
     """
-    clip = open_video(video, rotation=int(take.meta.settings.get("rotate") or 0))
-    positions = [take.meta.first_frame + take.meta.frame_step * frame for frame in range(take.frame_count)]
-    _check_own(take, clip, positions[-1])
+    footage = TakeFootage(take, video)
     stride = -(-take.frame_count // _MOST_PICTURES)
     frames = range(0, take.frame_count, stride)
-    size = _fitting_size(clip, [positions[frame] for frame in frames])
+    size = _fitting_size(footage, frames)
     pictures = []
     with progress.stage("footage", len(frames)) as advance:
-        for _, picture in clip.frames_at([positions[frame] for frame in frames]):
+        for picture in footage.pictures(frames):
             pictures.append(_encode(picture, size))
             advance(1)
     return Footage(*size, tuple(frames), tuple(pictures))
 
 
-def _check_own(take: Take, clip: VideoClip, last: int) -> None:
-    camera, name = take.meta.camera, take.meta.video_name
-    if (clip.width, clip.height) != (camera.width, camera.height):
-        raise VideoError(
-            f"{clip.path.name} has {clip.width}x{clip.height} pixels but the take was solved from "
-            f"{camera.width}x{camera.height}: give the take's own video ({name}) with --video"
-        )
-    if last >= len(clip.frame_list):
-        raise VideoError(f"{clip.path.name} ends before the take does: give the take's own video ({name}) with --video")
-
-
-def _fitting_size(clip: VideoClip, positions: Sequence[int]) -> tuple[int, int]:
+def _fitting_size(footage: TakeFootage, frames: Sequence[int]) -> tuple[int, int]:
     """(width, height) of the largest pictures that keep within the budget."""
-    spread = np.unique(np.linspace(0, len(positions) - 1, min(_SAMPLES, len(positions))).astype(int))
-    budget = _RESERVE * BYTES * min(max(len(positions) / _SHORT, 1.0), _LONG_SHARE)
-    samples = [picture for _, picture in clip.frames_at([positions[p] for p in spread])]
+    spread = np.unique(np.linspace(0, len(frames) - 1, min(_SAMPLES, len(frames))).astype(int))
+    budget = _RESERVE * BYTES * min(max(len(frames) / _SHORT, 1.0), _LONG_SHARE)
+    samples = list(footage.pictures([frames[position] for position in spread]))
 
     def fits(size: tuple[int, int]) -> bool:
         mean = sum(len(_encode(picture, size)) for picture in samples) / len(samples)
-        return mean * len(positions) <= budget
+        return mean * len(frames) <= budget
 
-    sizes = list(_sizes(clip))
+    sizes = list(_sizes(footage.take.meta.camera))
     return next((size for size in sizes if fits(size)), sizes[-1])
 
 
-def _sizes(clip: VideoClip) -> Iterator[tuple[int, int]]:
+def _sizes(camera: CameraModel) -> Iterator[tuple[int, int]]:
     for long_side in _LONG_SIDES:
-        factor = min(1.0, long_side / max(clip.width, clip.height))
-        yield max(1, round(clip.width * factor)), max(1, round(clip.height * factor))
+        factor = min(1.0, long_side / max(camera.width, camera.height))
+        yield max(1, round(camera.width * factor)), max(1, round(camera.height * factor))
 
 
 def _encode(picture: Image, size: tuple[int, int]) -> bytes:

@@ -16,9 +16,11 @@ META = "meta"
 TIMES = "times"
 PERSON = "people/{index}/{field}"
 SCENE = "scene/{field}"
+STEADYING = "steadying"  # may be missing
 
 META_ARRAY = ArraySpec(np.uint8, ("n",))
 TIMES_ARRAY = ArraySpec(np.float64, ("T",))
+STEADYING_ARRAY = ArraySpec(np.float64, ("T", 3, 3))
 
 PERSON_ARRAYS: dict[str, ArraySpec] = {
     "theta": ArraySpec(np.float32, ("T", 24, 3)),

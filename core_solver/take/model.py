@@ -165,6 +165,8 @@ class Take:
         times: (T,) seconds from the start of the video.
         people: the tracks.
         scene: the static scene.
+        steadying: (T, 3, 3) homographies from pixels of each frame of the video to those of the take's camera, where
+            the video shook and that was compensated; None where its pixels are the camera's.
         extra: arrays under unknown keys, kept on rewrite.
     """
 
@@ -172,6 +174,7 @@ class Take:
     times: NDArray[np.float64]
     people: tuple[Person, ...]
     scene: Scene
+    steadying: NDArray[np.float64] | None = None
     extra: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     @property

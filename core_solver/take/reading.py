@@ -70,7 +70,8 @@ def _assemble(arrays: dict[str, NDArray[Any]]) -> Take:
     scene = Scene(**{
         field: _pop(arrays, keys.SCENE.format(field=field), spec) for field, spec in keys.SCENE_ARRAYS.items()
     })  # fmt: skip
-    take = Take(meta, times, people, scene, extra=arrays)
+    steadying = _pop(arrays, keys.STEADYING, keys.STEADYING_ARRAY) if keys.STEADYING in arrays else None
+    take = Take(meta, times, people, scene, steadying, extra=arrays)
     check_take(take)
     return take
 

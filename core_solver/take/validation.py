@@ -9,6 +9,8 @@ from core_solver.errors import TakeError
 from core_solver.take import keys
 from core_solver.take.model import CameraModel, Meta, Person, Take
 
+_FLAT = 1e-9  # determinant of a map that takes a picture to a line
+
 
 def check_take(take: Take) -> None:
     """Check shapes, types, finiteness, indices and the facts in `meta`.
@@ -25,6 +27,8 @@ def check_take(take: Take) -> None:
     _check_skeleton(take.meta)
     _check_directions(take.meta)
     _check_camera(take.meta.camera)
+    if take.steadying is not None:
+        _check_steadying(take.steadying, take.frame_count)
     for index, person in enumerate(take.people):
         _check_facts(person, index)
         _check_person(person, index, take.frame_count)
@@ -64,6 +68,12 @@ def _check_camera(camera: CameraModel) -> None:
         raise TakeError("the camera holds values that are not finite")
     if not (camera.fx > 0 and camera.fy > 0 and camera.width > 0 and camera.height > 0):
         raise TakeError("the camera's focal lengths and image size must be positive")
+
+
+def _check_steadying(maps: NDArray[Any], frame_count: int) -> None:
+    _check_array(keys.STEADYING, maps, keys.STEADYING_ARRAY, {"T": frame_count})
+    if np.any(np.abs(np.linalg.det(maps)) < _FLAT):
+        raise TakeError(f"the entry {keys.STEADYING} holds maps that cannot be undone")
 
 
 def _check_facts(person: Person, index: int) -> None:

@@ -50,6 +50,8 @@ def take_arrays(take: Take) -> dict[str, np.ndarray]:
     arrays = dict(take.extra)
     arrays[keys.META] = np.frombuffer(encode_meta(take.meta, take.people, take.frame_count), np.uint8)
     arrays[keys.TIMES] = np.asarray(take.times, np.float64)
+    if take.steadying is not None:
+        arrays[keys.STEADYING] = np.asarray(take.steadying, np.float64)
     for index, person in enumerate(take.people):
         for field, spec in keys.PERSON_ARRAYS.items():
             arrays[keys.PERSON.format(index=index, field=field)] = np.asarray(getattr(person, field), spec.dtype)

@@ -12,6 +12,7 @@ import pytest
 from core_solver import pipeline
 from core_solver.camera import CameraEstimate
 from core_solver.perception.observations import CroppedMask, Detection, FrameObservations
+from core_solver.take import read_take
 from tests.solver import test_pipeline as plain
 from tests.solver.scenes import make_clip
 from tests.solver.test_pipeline import BODY, CAMERA, COUPLE, FRAMES, HEIGHT, WIDTH, draw_video
@@ -91,6 +92,11 @@ def test_a_small_shake_is_compensated_and_told(stage, monkeypatch):
         r"The camera shakes by \d\.\d pixels: compensated by a similarity of the background, 0\.\d", warning
     )
     assert warning in stage.progress.notes
+    assert take.steadying is None
+    kept = read_take(stage.output).steadying
+    assert kept is not None
+    for t in range(FRAMES):
+        np.testing.assert_allclose(kept[t] @ (100, 80, 1), (104 if t % 3 == 1 else 100, 80, 1), atol=0.7)
     for steady, moved in zip(take.people, shaken.people, strict=True):
         assert np.linalg.norm(steady.gamma - moved.gamma, axis=-1).max() < 0.05
 

@@ -1,6 +1,7 @@
 """Clips shaken by known motions: the maps must undo them, and what was seen must land where the first frame saw it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -203,6 +204,18 @@ def test_no_motion_changes_nothing() -> None:
     np.testing.assert_array_equal(person.mask.values[top : top + 140, left : left + 120], seen.mask.values)
     assert moved.disparity is not None
     np.testing.assert_array_equal(moved.disparity, disparity)
+
+
+def test_places_nobody_claims_move_too_and_people_without_mask_stay_without() -> None:
+    shift = np.array([[1, 0, 20.0], [0, 1, 0], [0, 0, 1]])  # 12 cells
+    person = replace(person_at(lambda p: p), mask=CroppedMask(0, 0, np.zeros((0, 0), np.uint8)))
+    place = CroppedMask(40, 130, np.full((30, 25), 255, np.uint8))
+    moved = steady([FrameObservations(FrameInfo(0, 0.0), (person,), None, (place,))], shake_of(shift), SIZE, GRID)[0]
+    assert moved.detections[0].mask.values.size == 0
+    (there,) = moved.unclaimed
+    rows, columns = np.nonzero(there.values > 127)
+    assert (columns.min() + there.left, columns.max() + there.left) == (142, 166)
+    assert (rows.min() + there.top, rows.max() + there.top) == (40, 69)
 
 
 @pytest.mark.shared

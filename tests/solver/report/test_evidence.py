@@ -56,6 +56,16 @@ def test_the_error_is_the_distance():
     assert (result.sizes > 40).all()
 
 
+def test_sights_of_a_shaken_video_are_compared_where_the_takes_camera_saw_them():
+    """Frame f shows everything f pixels to the right; without its maps that would be the error."""
+    maps = np.array([[[1, 0, -f], [0, 1, 0], [0, 0, 1]] for f in range(FRAMES)], float)
+    take = everybody_seen()
+    observations = [seen(f, sight(take, 0, f, (f, 2)), sight(take, 1, f, (f, 0))) for f in range(FRAMES)]
+    result = measure_reprojection(replace(take, steadying=maps), observations)
+    assert isinstance(result, Reprojection)
+    np.testing.assert_allclose(result.pixels, [[2.0] * FRAMES, [0.0] * FRAMES], atol=1e-3)
+
+
 def test_the_order_of_sights_means_nothing():
     take = everybody_seen()
     result = measure_reprojection(take, [seen(0, sight(take, 1, 0, (0, 1)), sight(take, 0, 0, (2, 0)))])

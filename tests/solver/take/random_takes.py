@@ -107,6 +107,9 @@ def assert_same_take(a: Take, b: Take) -> None:
                 assert_same_array(mine, yours)
             else:
                 assert mine == yours, name
+    assert (a.steadying is None) == (b.steadying is None)
+    if a.steadying is not None and b.steadying is not None:
+        assert_same_array(a.steadying, b.steadying)
     assert list(a.extra) == list(b.extra)
     for key, array in a.extra.items():
         assert_same_array(array, b.extra[key])

@@ -94,6 +94,38 @@ def test_meta_says_what_the_format_promises(tmp_path: Path) -> None:
     assert document["solver"] == {"preset": "fast", "version": "9.8.7", "settings": meta.settings}
 
 
+def test_how_the_video_was_held_still_comes_back(tmp_path: Path) -> None:
+    maps = np.random.default_rng(3).normal(size=(7, 3, 3))
+    take = dataclasses.replace(sized_take(), steadying=maps)
+    write_take(tmp_path / "take.npz", take)
+    arrays, _ = plain_read(tmp_path / "take.npz")
+    assert (arrays["steadying"].dtype.str, arrays["steadying"].shape) == ("<f8", (7, 3, 3))
+    read = read_take(tmp_path / "take.npz")
+    assert read.steadying is not None
+    assert_same_array(read.steadying, maps)
+    assert_same_take(read, take)
+    write_take(tmp_path / "again.npz", read)
+    assert_same_array(plain_read(tmp_path / "again.npz")[0]["steadying"], maps)
+
+
+@pytest.mark.parametrize(
+    ("maps", "complaint"),
+    [
+        (np.tile(np.eye(3), (6, 1, 1)), "shape"),
+        (np.full((7, 3, 3), np.nan), "not finite"),
+        (np.zeros((7, 3, 3)), "cannot be undone"),
+    ],
+)
+def test_maps_that_hold_no_video_still_are_refused(tmp_path: Path, maps: np.ndarray, complaint: str) -> None:
+    with pytest.raises(TakeError, match=f"steadying.*{complaint}"):
+        write_take(tmp_path / "take.npz", dataclasses.replace(sized_take(), steadying=maps))
+    write_take(tmp_path / "take.npz", sized_take())
+    arrays, _ = plain_read(tmp_path / "take.npz")
+    np.savez(tmp_path / "take.npz", **arrays, steadying=maps)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(TakeError, match=f"steadying.*{complaint}"):
+        read_take(tmp_path / "take.npz")
+
+
 def test_the_skeleton_is_smpls() -> None:
     assert len(JOINT_NAMES) == len(set(JOINT_NAMES)) == 24
     assert PARENTS == (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
