@@ -52,6 +52,10 @@ SYSTEM_LIBRARIES = {
     "libgomp.so.1": "libgomp1",
 }
 
+# Programs with which the tests of the report's page run, and the Debian package of the first.
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+BROWSER_PACKAGE = "chromium"
+
 
 @dataclass(frozen=True)
 class Blender:
@@ -224,11 +228,46 @@ def install_system_libraries() -> None:
         return
     if shutil.which("apt-get") is None:
         raise BuildError(f"bpy needs system libraries; install the packages that hold {', '.join(SYSTEM_LIBRARIES)}")
-    command = ["apt-get", "install", "-y", "--no-install-recommends", *missing]
     if os.geteuid() != 0:
-        raise BuildError(f"bpy needs system libraries; run this once: sudo {' '.join(command)}")
+        raise BuildError(f"bpy needs system libraries; run this once: sudo {' '.join(apt_command(missing))}")
+    apt_install(missing)
+
+
+def apt_command(packages: Sequence[str]) -> list[str]:
+    """How Debian and Ubuntu install packages."""
+    return ["apt-get", "install", "-y", "--no-install-recommends", *packages]
+
+
+def apt_install(packages: Sequence[str]) -> None:
+    """Install packages of the system; only root may.
+
+    Raises:
+        BuildError: apt-get failed.
+    """
     run(["apt-get", "update"])
-    run(command, os.environ | {"DEBIAN_FRONTEND": "noninteractive"})
+    run(apt_command(packages), os.environ | {"DEBIAN_FRONTEND": "noninteractive"})
+
+
+def find_browser() -> str | None:
+    """A Chromium: the environment's CHROMIUM, or a program of one of the usual names."""
+    return os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, BROWSERS)), None)
+
+
+def install_browser() -> None:
+    """Install a Chromium for the tests of the report's page when that is allowed; without one they are skipped."""
+    if find_browser() is not None:
+        return
+    if sys.platform == "linux" and shutil.which("apt-get") and os.geteuid() == 0:
+        try:
+            apt_install([BROWSER_PACKAGE])
+        except BuildError as error:
+            print(error)
+    if find_browser() is None:
+        print(
+            "No Chromium is here: the tests of the report's page will be skipped. On Debian: sudo "
+            f"{' '.join(apt_command([BROWSER_PACKAGE]))}; elsewhere set CHROMIUM to the program.",
+            flush=True,
+        )
 
 
 # --- demo ------------------------------------------------------------------------------------------------------------
@@ -298,7 +337,9 @@ def test(arguments: argparse.Namespace) -> int:
     """Run the tests: all of them in `.venv`, or the Blender ones in each Blender that is named."""
     extra = [word for word in arguments.pytest if word != "--"]
     if not arguments.blender:
-        return pytest_in(main_environment(), extra)
+        python = main_environment()
+        install_browser()
+        return pytest_in(python, extra)
     results = {version: test_in_blender(version, extra) for version in arguments.blender}
     print()
     for version, code in results.items():

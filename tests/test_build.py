@@ -126,6 +126,85 @@ def test_missing_libraries_name_the_command(build: ModuleType, monkeypatch: pyte
         build.install_system_libraries()
 
 
+@pytest.fixture
+def bare(build: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of all programs of a machine on which we are root, at first empty."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    for name in ("CHROMIUM", "DEBIAN_FRONTEND"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(build.sys, "platform", "linux")
+    monkeypatch.setattr(build.os, "geteuid", lambda: 0)
+    return tmp_path
+
+
+def program(path: Path, *lines: str) -> None:
+    path.write_text("\n".join(["#!/bin/sh", *lines, ""]))
+    path.chmod(0o755)
+
+
+needs_sh = pytest.mark.skipif(sys.platform == "win32", reason="stands in for apt-get with a shell script")
+
+
+@needs_sh
+def test_a_browser_is_installed_where_there_is_none(
+    build: ModuleType, bare: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program(
+        bare / "apt-get",
+        f'echo "$@ [$DEBIAN_FRONTEND]" >> "{bare}/asked"',
+        f'if [ "$1" = install ]; then : > "{bare}/chromium"; /bin/chmod 755 "{bare}/chromium"; fi',
+    )
+    build.install_browser()
+    assert (bare / "asked").read_text().splitlines() == [
+        "update []", "install -y --no-install-recommends chromium [noninteractive]",
+    ]  # fmt: skip
+    assert build.find_browser() == str(bare / "chromium")
+    assert "skipped" not in capsys.readouterr().out
+    build.install_browser()
+    assert len((bare / "asked").read_text().splitlines()) == 2, "nothing is installed twice"
+
+
+@needs_sh
+@pytest.mark.parametrize("script", ["exit 100", "exit 0", None])
+def test_a_browser_that_cannot_be_installed_stops_nothing(
+    build: ModuleType, bare: Path, capsys: pytest.CaptureFixture[str], script: str | None
+) -> None:
+    if script is not None:
+        program(bare / "apt-get", script)
+    build.install_browser()
+    assert "will be skipped" in capsys.readouterr().out
+
+
+@needs_sh
+def test_only_root_installs_a_browser(
+    build: ModuleType, bare: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program(bare / "apt-get", f': > "{bare}/chromium"')
+    monkeypatch.setattr(build.os, "geteuid", lambda: 1000)
+    build.install_browser()
+    assert not (bare / "chromium").exists()
+    assert "sudo apt-get install -y --no-install-recommends chromium" in capsys.readouterr().out
+
+
+@needs_sh
+def test_a_named_browser_is_enough(build: ModuleType, bare: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    program(bare / "apt-get", f': > "{bare}/chromium"')
+    monkeypatch.setenv("CHROMIUM", "/opt/my/browser")
+    build.install_browser()
+    assert not (bare / "chromium").exists()
+
+
+@needs_sh
+def test_the_tests_look_for_the_same_browsers(build: ModuleType, bare: Path) -> None:
+    from tests.solver.report.browser import find_chromium
+
+    assert build.find_browser() is None
+    assert find_chromium() is None
+    for name in reversed(build.BROWSERS):
+        program(bare / name)
+        assert find_chromium() == build.find_browser() == str(bare / name)
+
+
 def test_unknown_blender_is_refused(build: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
     assert build.main(["test", "--blender", "1.0"]) == 2
     assert "choose one of 4.2" in capsys.readouterr().err
