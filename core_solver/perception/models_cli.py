@@ -84,7 +84,8 @@ def list_networks(store: ModelStore) -> None:
         else:
             place = "here" if spec.file.name in here else "to be added"
         use = "" if spec.about.commercial else "not commercial: "
-        say(f"  {spec.toml.stem:36}{spec.kind.task:12}{place:20}{use}{spec.about.licence}  {spec.about.page}")
+        data = f" ({spec.about.data})" if spec.about.data else ""
+        say(f"  {spec.toml.stem:36}{spec.kind.task:12}{place:20}{use}{spec.about.licence}{data}  {spec.about.page}")
 
 
 def state(store: ModelStore, entry: ModelEntry) -> str:

@@ -22,8 +22,9 @@ class About:
     Attributes:
         project: its name.
         page: the official page.
-        licence: of the weights.
-        commercial: whether the licence lets anybody earn money with the results.
+        licence: of the weights, as their publishers state it.
+        commercial: whether that licence lets anybody earn money with the results.
+        data: what the terms of training data, or of weights that training began with, say beyond it.
         export: how its ONNX file is made or had, one sentence.
     """
 
@@ -31,6 +32,7 @@ class About:
     page: str = ""
     licence: str = ""
     commercial: bool = True
+    data: str = ""
     export: str = ""
 
 

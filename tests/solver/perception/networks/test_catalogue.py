@@ -26,6 +26,22 @@ def test_entries_tell_where_they_come_from(name: str) -> None:
         assert any(word in spec.toml.read_text().splitlines()[0] for word in ("commercial", "research"))
 
 
+@pytest.mark.parametrize("name", sorted(BY_NAME))
+def test_the_documentation_says_the_same_and_how_it_was_checked(name: str, repo_root: Path) -> None:
+    text = (repo_root / "docs" / "networks.md").read_text(encoding="utf-8")
+    (row,) = (line for line in text.splitlines() if line.startswith(f"| `{name}` |"))
+    _, _, licence, data, checked, _ = (cell.strip() for cell in row.split("|"))
+    assert (licence, data) == (BY_NAME[name].about.licence, BY_NAME[name].about.data)
+    assert any(word in checked for word in ("licence file", "readme", "not checked", "as "))
+
+
+def test_weights_with_restricted_origins_say_so() -> None:
+    """A repository's licence is not that of its weights, nor are these freer than what they were made from."""
+    assert not BY_NAME["mask2former-swin-tiny"].about.commercial
+    assert "COCO-WholeBody" in BY_NAME["rtmw-l"].about.data
+    assert "MAE" in BY_NAME["vitpose-base"].about.data
+
+
 def test_every_task_has_entries() -> None:
     assert {spec.kind.task for spec in BY_NAME.values()} == set(TASKS)
     assert not any(entry.task == "networks" and entry.default for entry in catalogue()[1])
@@ -73,3 +89,4 @@ def test_the_list_names_licences_and_what_is_here(tmp_path: Path, capsys: pytest
     assert "https://github.com/ViTAE-Transformer/ViTPose" in lines["vitpose-base"]
     assert "not commercial" in lines["depth-anything-v2-large"]
     assert "not commercial" not in lines["depth-anything-v2-small"]
+    assert "Apache-2.0 (trained on COCO-WholeBody" in lines["rtmw-l"]
