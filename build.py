@@ -38,23 +38,16 @@ TESTS_IN_BLENDER = ("tests/addon", "tests/solver/take", "tests/solver/geometry/t
 
 # Libraries that `import bpy` loads on Linux, and the Debian package of each.
 SYSTEM_LIBRARIES = {
-    "libX11.so.6": "libx11-6",
-    "libXext.so.6": "libxext6",
-    "libXfixes.so.3": "libxfixes3",
-    "libXi.so.6": "libxi6",
-    "libXrender.so.1": "libxrender1",
-    "libxkbcommon.so.0": "libxkbcommon0",
-    "libSM.so.6": "libsm6",
-    "libICE.so.6": "libice6",
-    "libGL.so.1": "libgl1",
-    "libEGL.so.1": "libegl1",
-    "libXxf86vm.so.1": "libxxf86vm1",
-    "libgomp.so.1": "libgomp1",
-}
+    "libX11.so.6": "libx11-6", "libXext.so.6": "libxext6",
+    "libXfixes.so.3": "libxfixes3", "libXi.so.6": "libxi6",
+    "libXrender.so.1": "libxrender1", "libxkbcommon.so.0": "libxkbcommon0",
+    "libSM.so.6": "libsm6", "libICE.so.6": "libice6",
+    "libGL.so.1": "libgl1", "libEGL.so.1": "libegl1",
+    "libXxf86vm.so.1": "libxxf86vm1", "libgomp.so.1": "libgomp1",
+}  # fmt: skip
 
-# Programs with which the tests of the report's page run, and the Debian package of the first.
+# Programs with which the tests of the report's page run.
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-BROWSER_PACKAGE = "chromium"
 
 
 @dataclass(frozen=True)
@@ -224,28 +217,23 @@ def loads(library: str) -> bool:
 def install_system_libraries() -> None:
     """Install what `import bpy` needs when that is allowed, else say the one command that does."""
     missing = missing_system_libraries()
-    if not missing:
-        return
-    if shutil.which("apt-get") is None:
-        raise BuildError(f"bpy needs system libraries; install the packages that hold {', '.join(SYSTEM_LIBRARIES)}")
-    if os.geteuid() != 0:
-        raise BuildError(f"bpy needs system libraries; run this once: sudo {' '.join(apt_command(missing))}")
-    apt_install(missing)
+    if missing:
+        apt_install(missing, "bpy needs system libraries")
 
 
-def apt_command(packages: Sequence[str]) -> list[str]:
-    """How Debian and Ubuntu install packages."""
-    return ["apt-get", "install", "-y", "--no-install-recommends", *packages]
-
-
-def apt_install(packages: Sequence[str]) -> None:
-    """Install packages of the system; only root may.
+def apt_install(packages: Sequence[str], need: str) -> None:
+    """Install packages of Debian's and Ubuntu's names, as root.
 
     Raises:
-        BuildError: apt-get failed.
+        BuildError: that is not possible here; the message says what is needed and how to get it.
     """
+    command = ["apt-get", "install", "-y", "--no-install-recommends", *packages]
+    if shutil.which("apt-get") is None:
+        raise BuildError(f"{need}; install what Debian calls {', '.join(packages)}")
+    if os.geteuid() != 0:
+        raise BuildError(f"{need}; run this once: sudo {' '.join(command)}")
     run(["apt-get", "update"])
-    run(apt_command(packages), os.environ | {"DEBIAN_FRONTEND": "noninteractive"})
+    run(command, os.environ | {"DEBIAN_FRONTEND": "noninteractive"})
 
 
 def find_browser() -> str | None:
@@ -254,20 +242,12 @@ def find_browser() -> str | None:
 
 
 def install_browser() -> None:
-    """Install a Chromium for the tests of the report's page when that is allowed; without one they are skipped."""
-    if find_browser() is not None:
-        return
-    if sys.platform == "linux" and shutil.which("apt-get") and os.geteuid() == 0:
-        try:
-            apt_install([BROWSER_PACKAGE])
-        except BuildError as error:
-            print(error)
+    """Install a Chromium when that is allowed; without one the tests of the report's page are skipped."""
     if find_browser() is None:
-        print(
-            "No Chromium is here: the tests of the report's page will be skipped. On Debian: sudo "
-            f"{' '.join(apt_command([BROWSER_PACKAGE]))}; elsewhere set CHROMIUM to the program.",
-            flush=True,
-        )
+        try:
+            apt_install(["chromium"], "there is no Chromium")
+        except BuildError as error:
+            print(f"{error}\nThe tests of the report's page will be skipped.", flush=True)
 
 
 # --- demo ------------------------------------------------------------------------------------------------------------
