@@ -17,8 +17,9 @@ from core_solver.evaluation import plots
 from core_solver.evaluation.cases import FULL
 from core_solver.evaluation.runner import Results
 from core_solver.evaluation.scores import Row
-from core_solver.evaluation.storage import scores_as_json, write_atomically
+from core_solver.evaluation.storage import scores_as_json
 from core_solver.evaluation.table import markdown_table
+from core_solver.text_files import write_text_whole
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ def write_report(directory: Path, results: Results, rows: Sequence[Row], origin:
         "table.md": f"{_headline(facts)}\n\n{markdown_table(rows)}",
     }
     for name, text in texts.items():
-        write_atomically(directory / name, text)
+        write_text_whole(directory / name, text)
     pictures = _draw(directory, results, rows) if rows and plots.can_draw() else []
     return [*(directory / name for name in texts), *pictures]
 

@@ -12,6 +12,7 @@ import core_solver
 from core_solver.errors import UserError
 from core_solver.evaluation.cases import Case
 from core_solver.evaluation.scores import Details, Measures, SceneScores
+from core_solver.text_files import write_text_whole
 
 # The parts of the program that numbers depend on; what only talks to people may change in the middle of a run.
 _ROOMS = ("body", "energy", "evaluation", "geometry", "optimise", "raster", "scene", "tracking")
@@ -36,7 +37,7 @@ class ScoreCache:
 
     def write(self, seed: int, case: Case, scores: SceneScores) -> None:
         """Keep scores."""
-        write_atomically(self._path(seed, scores.scene, case), json.dumps(asdict(scores), allow_nan=False))
+        write_text_whole(self._path(seed, scores.scene, case), json.dumps(asdict(scores), allow_nan=False))
 
     def read_names(self, seed: int) -> tuple[str, ...] | None:
         """The names of a seed's scenes, or None before it was once run to its end."""
@@ -45,7 +46,7 @@ class ScoreCache:
 
     def write_names(self, seed: int, names: Sequence[str]) -> None:
         """Keep the names, so that finished scenes need not be generated again."""
-        write_atomically(self._file("names", seed), json.dumps(list(names)))
+        write_text_whole(self._file("names", seed), json.dumps(list(names)))
 
     def _path(self, seed: int, scene: str, case: Case) -> Path:
         return self._file("scores", seed, scene, case.preset, case.settings())
@@ -83,23 +84,6 @@ def make_directory(path: Path) -> None:
             pass
     except OSError as error:
         raise UserError(f"cannot write to {path} ({error.strerror}): choose another directory with -o") from error
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Write a text file whole or not at all.
-
-    Raises:
-        UserError: the disk refuses it.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as stream:
-            temporary = Path(stream.name)
-            stream.write(text)
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    except OSError as error:
-        raise UserError(f"cannot write {path} ({error.strerror}): free some space or choose another place") from error
 
 
 def _scores_from_json(entry: dict) -> SceneScores:

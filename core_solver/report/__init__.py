@@ -8,8 +8,9 @@ from core_solver.report.document import build_document
 from core_solver.report.evidence import read_reprojection
 from core_solver.report.footage import read_footage
 from core_solver.report.packing import Packer
-from core_solver.report.page import render_page, write_page
+from core_solver.report.page import render_page
 from core_solver.take import read_take
+from core_solver.text_files import write_text_whole
 
 __all__ = ["write_report"]
 
@@ -37,5 +38,5 @@ def write_report(take_path: Path, video: Path | None, output: Path, progress: Pr
         advance(1)
         packer = Packer()
         document = build_document(take, footage, reprojection, packer)
-        write_page(output, render_page(document, packer.text()))
+        write_text_whole(output, render_page(document, packer.text()))
         advance(1)

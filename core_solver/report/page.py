@@ -2,12 +2,8 @@
 
 import html
 import json
-import os
-import tempfile
 from importlib import resources
-from pathlib import Path
 
-from core_solver.errors import UserError
 from core_solver.report.document import PageDocument
 
 # In the order in which the browser must read them.
@@ -39,29 +35,6 @@ def render_page(document: PageDocument, block: str) -> str:
         name, _, tail = piece.partition("}}")
         pieces += [parts[name], tail]
     return "".join(pieces)
-
-
-def write_page(path: Path, text: str) -> None:
-    """Write a page whole or not at all.
-
-    Raises:
-        UserError: the disk refuses it; an older page stays.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}; choose another place with -o") from error
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", errors="replace", newline="\n") as stream:
-            stream.write(text)
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}; free some space or choose another place") from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _script_json(value: object) -> str:

@@ -6,7 +6,7 @@ from core_solver.errors import UserError
 from core_solver.evaluation import storage
 from core_solver.evaluation.cases import FULL, Ablation, Case
 from core_solver.evaluation.scores import MEASURES, Details, Measures, SceneScores
-from core_solver.evaluation.storage import ScoreCache, make_directory, write_atomically
+from core_solver.evaluation.storage import ScoreCache, make_directory
 
 CASE = Case("fast", FULL)
 SCORES = SceneScores(
@@ -51,15 +51,6 @@ def test_names_of_scenes_are_kept_for_each_seed(cache):
     cache.write_names(3, ["yard", "street"])
     assert cache.read_names(3) == ("yard", "street")
     assert cache.read_names(4) is None
-
-
-def test_a_file_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
-    path = tmp_path / "deep" / "results.json"
-    write_atomically(path, "old")
-    monkeypatch.setattr(storage.Path, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left")))
-    with pytest.raises(UserError, match=r"No space left.*free some space"):
-        write_atomically(path, "new")
-    assert path.read_text() == "old"
 
 
 def test_a_place_that_cannot_be_written_is_refused_at_once(tmp_path):
