@@ -180,7 +180,7 @@ def temporal(vertices: Tensor, filtered: Tensor, seconds: Tensor, sigma: float) 
     """
     difference = vertices - filtered
     velocity = (difference[:, 1:] - difference[:, :-1]) / (sigma * seconds[:, None, None])
-    return (velocity**2).sum() / vertices.shape[2]
+    return (velocity**2).sum()
 
 
 def silhouette(along: Tensor, target: Tensor, weight: Tensor, sigma: Tensor) -> Tensor:

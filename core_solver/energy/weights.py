@@ -75,7 +75,7 @@ class Weights:
     penetration: float = 4.0
     collision: float = 1.0
     collision_sigma: float = 0.05
-    slip: float = 1.0
+    slip: float = 16.0
     slip_sigma: float = 0.05
     temporal: float = 1.0
     temporal_sigma: float = 0.4

@@ -16,7 +16,7 @@ from core_solver.body.jacobian_torch import levers, point_jacobian, shape_jacobi
 from core_solver.energy.weights import Weights
 from core_solver.optimise.joint_energy import JointEnergy
 from core_solver.optimise.picture_terms import ContourTerms, contour_rest
-from core_solver.optimise.posing import Posed
+from core_solver.optimise.posing import PointSet, Posed
 from core_solver.optimise.variables import Variables
 
 FRAME = 75
@@ -79,9 +79,7 @@ class _Assembly:
             v.theta[n], posed.rotations[0], posed.positions[0], posed.rest_joints[0], joints.directions
         )
         body = energy.body
-        self._keypoints = self._moving(body.keypoints.rest(v.betas[n : n + 1])[0], body.keypoints.directions,
-                                       body.keypoints.weights)  # fmt: skip
-        self._soles = self._moving(body.soles.rest(v.betas[n : n + 1])[0], body.soles.directions, body.soles.weights)
+        self._followed, self._soles = self._carried(body.followed), self._carried(body.soles)
 
     @property
     def _weights(self) -> Weights:
@@ -97,6 +95,10 @@ class _Assembly:
         self._add_priors(blocks, corner)
         following, second = self._add_motion(blocks, sides, corner)
         return Curvature(blocks, following, second, sides, corner)
+
+    def _carried(self, points: PointSet) -> _Moving:
+        rest = points.rest(self._v.betas[self._n : self._n + 1])[0]
+        return self._moving(rest, points.directions, points.weights)
 
     def _moving(self, rest: Tensor, directions: Tensor, weights: Tensor) -> _Moving:
         posed, frames = self._posed, len(self._levers.rotations)
@@ -126,7 +128,8 @@ class _Assembly:
 
     def _joint_rows(self) -> _Rows:
         w, given, n = self._weights, self._energy.given, self._n
-        frame, border, pixels = self._projected(self._keypoints)
+        count = given.pixels.shape[2]
+        frame, border, pixels = self._projected(_Moving(*(values[:, :count] for values in _fields(self._followed))))
         sigma = w.joints_sigma * given.size[n][:, None]
         residual = ((pixels - given.pixels[n]) / sigma[..., None]).square().sum(-1)
         weight = torch.sqrt(w.joints * given.confidence[n] * _charbonnier_slope(residual)) / sigma
@@ -242,10 +245,10 @@ class _Assembly:
         w, motion, n, seconds = self._weights, self._energy.motion, self._n, self._energy.given.seconds
         jacobians, shapes, weights = [], [], []
         if motion.filtered is not None and w.temporal > 0:
-            points = self._keypoints.frame
-            weight = 24 * w.temporal / points.shape[1] / (w.temporal_sigma * seconds) ** 2
+            points = self._followed.frame
+            weight = w.temporal / (w.temporal_sigma * seconds) ** 2
             jacobians.append(points)
-            shapes.append(self._keypoints.betas)
+            shapes.append(self._followed.betas)
             weights.append(weight[:, None].expand(-1, points.shape[1]))
         if motion.contacts is not None and w.slip > 0:
             soles = self._soles

@@ -79,7 +79,7 @@ class Motion:
     Attributes:
         contacts: (N, T, 2) probability that a foot stands on its support.
         support: (N, T, 2) metres by which each foot's support lies above the common ground.
-        filtered: (N, T, 25, 3) one-euro-filtered keypoints at unit scale.
+        filtered: (N, T, P, 3) one-euro-filtered `TorchBody.followed` at unit scale.
         picture: raster terms.
         spheres: (N, T, M, 3) metres, camera frame: where everybody was at the last look.
     """
@@ -105,7 +105,7 @@ class JointEnergy:
         return len(self.given.pixels)
 
     def look(self, **changes: Tensor | PictureTerms | None) -> None:
-        """Use other contacts, support, filtered keypoints or raster terms from now on."""
+        """Use other contacts, support, filtered points or raster terms from now on."""
         self.motion = replace(self.motion, **changes)
 
     def value(self, v: Variables) -> float:
@@ -132,7 +132,8 @@ class JointEnergy:
         """Each weighted term of one person, named as its weight."""
         one, w, g = slice(n, n + 1), self.weights, self.given
         shift = v.translation[one, :, None]
-        keypoints = posed.skin(self.body.keypoints, v.betas[one]) + shift
+        followed = posed.skin(self.body.followed, v.betas[one]) + shift
+        keypoints = followed[:, :, : g.pixels.shape[2]]
         result = {
             "joints": w.joints
             * terms.joints(self.project(v, keypoints), g.pixels[one], g.confidence[one], g.size[one], w.joints_sigma),
@@ -148,7 +149,7 @@ class JointEnergy:
                 v.translation[one], g.seconds, w.acceleration_sigma
             )
         result["collision"] = self._collision(v, n, posed)
-        return result | self._ground_terms(v, n, posed) | self._motion_terms(keypoints, n) | self._picture(v, n, posed)
+        return result | self._ground_terms(v, n, posed) | self._motion_terms(followed, n) | self._picture(v, n, posed)
 
     def shared(self, v: Variables) -> Tensor:
         """Terms of the scene alone: the depth range's ties over time, the ground's and the focal length's priors."""
@@ -217,13 +218,11 @@ class JointEnergy:
         soles = posed.skin(self.body.soles, v.betas[one]) + v.translation[one, :, None]
         return w.slip * terms.slip(soles.unflatten(2, (2, -1)), contacts, self.given.seconds, w.slip_sigma)
 
-    def _motion_terms(self, keypoints: Tensor, n: int) -> dict[str, Tensor]:
+    def _motion_terms(self, followed: Tensor, n: int) -> dict[str, Tensor]:
         if self.motion.filtered is None or not len(self.given.seconds):
             return {}
         w, filtered = self.weights, self.motion.filtered[n : n + 1]
-        # As strong as 24 independent points.
-        value = terms.temporal(keypoints, filtered, self.given.seconds, w.temporal_sigma)
-        return {"temporal": w.temporal * 24 * value}
+        return {"temporal": w.temporal * terms.temporal(followed, filtered, self.given.seconds, w.temporal_sigma)}
 
     def spheres(self, v: Variables, n: int, posed: Posed) -> Tensor:
         """(1, T, M, 3) metres, camera frame: one person's spheres."""

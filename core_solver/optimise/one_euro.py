@@ -35,11 +35,20 @@ def one_euro(
     return filtered
 
 
-def one_euro_zero_phase(values: Array, times: Array, *, min_cutoff_hz: float = 2.5, beta: float = 1.5) -> Array:
-    """Mean of the filter run forwards and backwards, which cancels its delay. Arguments as in `one_euro`."""
-    forwards = one_euro(values, times, min_cutoff_hz=min_cutoff_hz, beta=beta)
-    backwards = one_euro(values[::-1], -times[::-1], min_cutoff_hz=min_cutoff_hz, beta=beta)[::-1]
-    return (forwards + backwards) / 2
+def one_euro_zero_phase(values: Array, times: Array, *, min_cutoff_hz: float = 3.0, beta: float = 2.0) -> Array:
+    """The filter run both ways, one after the other, which cancels its delay and damps twice.
+
+    Speed raises the cutoff, so the order matters a little: the mean of both orders is blind to the direction of time.
+    Arguments as in `one_euro`.
+    """
+
+    def forwards(points: Array) -> Array:
+        return one_euro(points, times, min_cutoff_hz=min_cutoff_hz, beta=beta)
+
+    def backwards(points: Array) -> Array:
+        return one_euro(points[::-1], -times[::-1], min_cutoff_hz=min_cutoff_hz, beta=beta)[::-1]
+
+    return (backwards(forwards(values)) + forwards(backwards(values))) / 2
 
 
 def _smoothing(cutoff_hz: float | Array, dt: float) -> Array:

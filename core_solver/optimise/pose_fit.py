@@ -149,12 +149,13 @@ class _Problem:
         return pose(theta, self._betas, self._body).skin(self._body.keypoints, self._betas)
 
     def energy(self, theta: Tensor, translation: Tensor) -> Tensor:
-        points = self.keypoints(theta)
+        followed = pose(theta, self._betas, self._body).skin(self._body.followed, self._betas)
+        points = followed[:, :, : len(KEYPOINT_NAMES)]
         return (
             self._landmark_term(points)
             + self._reprojection_term(points + translation[:, :, None])
             + self._anatomy_term(theta)
-            + self._smoothness_term(points)
+            + self._smoothness_term(followed)
             + self._root_term(translation)
         )
 

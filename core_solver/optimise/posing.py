@@ -1,5 +1,6 @@
 """Posing a whole clip of people at once, in torch."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from core_solver.body.spheres import body_spheres
 
 _SOLE_POINTS = 4  # of each foot that the solver follows: heel, toe and both sides
 _SOLE_THICKNESS_M = 0.03
+_TRUNK = [joint_index(name) for name in ("spine1", "spine2", "spine3", "neck", "left_collar", "right_collar")]
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,19 @@ class PointSet:
     directions: Tensor
     weights: Tensor
 
+    def chosen(self, rows: Sequence[int]) -> "PointSet":
+        """Some of the points."""
+        which = torch.as_tensor(rows, device=self.template.device)
+        return PointSet(self.template[which], self.directions[which], self.weights[which])
+
+    def joined(self, others: "PointSet") -> "PointSet":
+        """These points and then others."""
+        return PointSet(
+            torch.cat([self.template, others.template]),
+            torch.cat([self.directions, others.directions]),
+            torch.cat([self.weights, others.weights]),
+        )
+
     def rest(self, betas: Tensor) -> Tensor:
         """Rest points (N, P, 3) of betas (N, 10), metres."""
         return self.template + torch.einsum("pck,nk->npc", self.directions, betas)
@@ -41,8 +56,9 @@ class TorchBody:
     """The parts of a body model the solver evaluates.
 
     Attributes:
-        joints: the 24 joints; their weights are unused.
+        joints: the 24 joints, each carried by itself.
         keypoints: the 25 image keypoints.
+        followed: points whose motion is smoothed: the keypoints, then the joints of the trunk, which no keypoint shows.
         proxy: vertices spread over the body.
         soles: first S points under the left foot, then S under the right.
         surface: the vertices of `faces`.
@@ -54,6 +70,7 @@ class TorchBody:
 
     joints: PointSet
     keypoints: PointSet
+    followed: PointSet
     proxy: PointSet
     soles: PointSet
     surface: PointSet
@@ -84,11 +101,14 @@ def torch_body(
     def vertices(rows: NDArray[np.integer]) -> PointSet:
         return points(body.template[rows], body.shape_directions[rows], body.weights[rows])
 
+    joints = points(body.joint_template, body.joint_directions, np.eye(24))
+    keypoints = points(body.keypoint_template, body.keypoint_directions, body.keypoint_weights)
     spheres = body_spheres(body)
     rows, faces = surface or (np.arange(len(body.template)), body.faces)
     return TorchBody(
-        joints=points(body.joint_template, body.joint_directions, np.eye(24)),
-        keypoints=points(body.keypoint_template, body.keypoint_directions, body.keypoint_weights),
+        joints=joints,
+        keypoints=keypoints,
+        followed=keypoints.joined(joints.chosen(_TRUNK)),
         proxy=vertices(body.proxy),
         soles=vertices(body.proxy[sole_rows(body, _SOLE_POINTS)].ravel()),
         surface=vertices(rows),

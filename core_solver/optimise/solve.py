@@ -98,7 +98,7 @@ class _Problem:
         self, v: Variables, schedule: Schedule, advance: Callable[[int], None], look: Look | None = None
     ) -> Variables:
         """Lower the energy; velocities follow the filtered ones of where it starts."""
-        self.energy.look(filtered=_filtered_keypoints(self.energy, v, self.clip.evidence.times))
+        self.energy.look(filtered=_filtered_points(self.energy, v, self.clip.evidence.times))
         closely = look or self._preset.look
         return minimise(self.energy, v, schedule, lambda now: self.onlooker.look(self.energy, now, closely), advance)
 
@@ -124,10 +124,10 @@ def ground_frame(energy: JointEnergy, v: Variables) -> GroundFrame:
     return GroundFrame(-up, up, float(energy.given.offset * torch.exp(v.ground[2])))
 
 
-def _filtered_keypoints(energy: JointEnergy, v: Variables, times: Array) -> Tensor:
-    """(N, T, 25, 3) at unit scale: what velocities follow in stage II."""
+def _filtered_points(energy: JointEnergy, v: Variables, times: Array) -> Tensor:
+    """(N, T, P, 3) at unit scale: what velocities follow in stage II."""
     with torch.no_grad():
-        points = pose(v.theta, v.betas, energy.body).skin(energy.body.keypoints, v.betas) + v.translation[:, :, None]
+        points = pose(v.theta, v.betas, energy.body).skin(energy.body.followed, v.betas) + v.translation[:, :, None]
     filtered = np.stack([one_euro_zero_phase(p, times) for p in points.cpu().double().numpy()])
     return torch.as_tensor(filtered, dtype=points.dtype, device=points.device)
 

@@ -48,10 +48,10 @@ class Problem:
         return JointEnergy(given, self.solver_body, weights)
 
     def look(self, v: Variables | None = None, closely: Look = CLOSELY) -> None:
-        """Switch on all terms that need a look: picture, contacts, supports, spheres, filtered keypoints."""
+        """Switch on all terms that need a look: picture, contacts, supports, spheres, filtered points."""
         v = v or self.variables
         self.onlooker.look(self.energy, v, closely)
-        self.energy.look(filtered=unit_keypoints(v, self.energy))
+        self.energy.look(filtered=unit_points(v, self.energy))
 
     @property
     def picture(self) -> PictureTerms:
@@ -63,10 +63,10 @@ class Problem:
         return replace(self.variables, **changes)
 
 
-def unit_keypoints(v: Variables, energy: JointEnergy) -> torch.Tensor:
-    """(N, T, 25, 3) at unit scale."""
+def unit_points(v: Variables, energy: JointEnergy) -> torch.Tensor:
+    """(N, T, P, 3) at unit scale."""
     with torch.no_grad():
-        return pose(v.theta, v.betas, energy.body).skin(energy.body.keypoints, v.betas) + v.translation[:, :, None]
+        return pose(v.theta, v.betas, energy.body).skin(energy.body.followed, v.betas) + v.translation[:, :, None]
 
 
 def only(*terms: str, **changes: float) -> Weights:

@@ -14,7 +14,7 @@ from core_solver.optimise.curvature import BORDER, FRAME, OWN, Curvature, person
 from core_solver.optimise.joint_energy import JointEnergy
 from core_solver.optimise.picture_terms import contour_points
 from core_solver.optimise.variables import Variables, pose_person
-from tests.solver.optimise.problems import SWITCHES, Problem, only, unit_keypoints
+from tests.solver.optimise.problems import SWITCHES, Problem, only, unit_points
 from tests.solver.scenes import Walker, make_clip
 
 FRAMES, PERSON = 3, 1
@@ -58,7 +58,7 @@ def optimum(body):
     energy.given = replace(
         energy.given,
         theta_hat=v.theta,
-        pixels=energy.project(v, unit_keypoints(v, energy)),
+        pixels=energy.project(v, unit_points(v, energy)[:, :, :25]),
         # Evidence of every strength, and uneven frames.
         confidence=torch.as_tensor(rng.uniform(0, 1, (2, FRAMES, 25))),
         seconds=torch.tensor([0.04, 0.08], dtype=torch.float64),
@@ -83,7 +83,7 @@ def _please(problem: Problem, v: Variables, rng: np.random.Generator) -> None:
     energy.look(
         support=lowest + JUST_BELOW_M,
         contacts=torch.as_tensor(rng.uniform(0.2, 1, (2, FRAMES, 2))),
-        filtered=unit_keypoints(v, energy),
+        filtered=unit_points(v, energy),
         picture=replace(picture, depth=depth, contours=replace(picture.contours, target=along)),
     )
 
@@ -176,7 +176,7 @@ def test_temporal_of_a_moving_body(optimum):
     v = optimum.variables
     v = replace(v, theta=v.theta + 0.2 * torch.as_tensor(rng.normal(size=v.theta.shape)))
     energy = optimum.energy("temporal")
-    energy.look(filtered=unit_keypoints(v, energy))
+    energy.look(filtered=unit_points(v, energy))
     directions = rng.normal(size=(4, FRAMES * FRAME + BORDER))
     truth = second_derivative(energy, v, directions)
     assert_same(directions @ dense(person_curvature(energy, v, PERSON)), truth)
