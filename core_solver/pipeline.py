@@ -2,7 +2,8 @@
 
 import errno
 import os
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from core_solver.perception.precomputed.join import Helpers, load_helpers
 from core_solver.perception.store import ModelStore
 from core_solver.progress import Progress
 from core_solver.scene import aggregate
+from core_solver.scene.edges import find_edges
 from core_solver.stabilise import Shake, find_shake, steady
 from core_solver.take import Scene, Take, write_take
 from core_solver.tracking import Modalities, describe_left_out, find_people, gather, read_edits, write_identities
@@ -36,6 +38,7 @@ CLOUD_POINTS = 200_000
 IDENTITIES_FILE = "identities.json"
 
 _PRIOR_GRID = 320  # longer side of the depth map of the ground-plane prior
+_EDGE_PICTURES = 5  # in which straight edges are sought
 _PICTURES = 25  # frames whose median gives the background's colours
 _MOTION_FRAMES = 12
 _VIEW_PICTURES = 5  # whose median is the field of view that a depth network sees
@@ -121,6 +124,8 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
         work_directory(options.output) / IDENTITIES_FILE, found.people, edits, modalities.frames.tolist(), colours
     )
     _require_people(modalities, clip)
+    edges = find_edges(_pictures(clip, modalities, _EDGE_PICTURES, shake), modalities.labels)
+    modalities = replace(modalities, edges=edges)
     estimate = known_camera or _estimate_camera(modalities, progress)
     camera = estimate.stated()
     warnings = _warnings(estimate, modalities, depth_source, motion, shake)
@@ -302,11 +307,17 @@ def _warnings(
 def _background_picture(
     clip: VideoClip, modalities: Modalities, size: tuple[int, int], shake: Shake | None
 ) -> NDArray[np.uint8]:
+    return aggregate.median_picture(_pictures(clip, modalities, _PICTURES, shake), modalities.labels, size)
+
+
+def _pictures(
+    clip: VideoClip, modalities: Modalities, count: int, shake: Shake | None
+) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+    """Take frames and pictures spread over the clip, as a camera that stands still sees them."""
     position = {int(frame): t for t, frame in enumerate(modalities.frames)}
-    pictures = ((position[info.index], picture) for info, picture in clip.spread(_PICTURES))
-    if shake is not None:
-        pictures = ((t, shake.steady_picture(t, picture)) for t, picture in pictures)
-    return aggregate.median_picture(pictures, modalities.labels, size)
+    for info, picture in clip.spread(count):
+        t = position[info.index]
+        yield t, picture if shake is None else shake.steady_picture(t, picture)
 
 
 def _prior_grid(clip: VideoClip) -> tuple[int, int]:

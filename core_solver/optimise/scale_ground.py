@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from core_solver.energy import terms
 from core_solver.energy.weights import Weights
 from core_solver.geometry import align_vectors, matrix_from_rotvec
+from core_solver.scene.edges import UprightCues
 from core_solver.scene.sampling import BodyDepth, FloorSamples
 
 Array = NDArray[np.float64]
@@ -24,6 +25,7 @@ _LEVEL_DIFFERENCE_M = 0.03  # between people side by side
 _LEVEL_SLOPE = 0.03  # and for every metre between them: steps, kerbs and platforms are common
 _OTHER_FLOOR = 4.0  # deviations at which a different floor is believed
 _BALANCE_SIGMA = math.radians(6)  # one person's mean lean in the estimated pose
+_CUE_SIGMA = math.radians(0.5)  # of one upright edge
 _HORIZON_SIGMA = math.radians(30)  # cameras are held roughly level
 _FLOOR_SIGMA = 0.20  # log depth of a network on a floor
 _LOG_INVERSE_DEPTHS = (-math.log(1000.0), -math.log(0.05))  # a network's far end may be beyond all measure
@@ -44,6 +46,7 @@ class ScaleProblem:
         log_depth: (N, T) mean log depth of the visible vertices.
         body_depth: disparity under them.
         floor: disparity around feet.
+        cues: what else in the scene tells where up is.
     """
 
     soles: Array
@@ -53,6 +56,7 @@ class ScaleProblem:
     log_depth: Array
     body_depth: BodyDepth
     floor: FloorSamples
+    cues: UprightCues | None = None
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,7 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
     Returns:
         The robust least-squares solution; with no planted foot the ground follows from balance alone.
     """
-    start_up = _mean_up(problem.balance)
+    start_up = mean_up(problem.balance)
     frame = align_vectors([0.0, 1.0, 0.0], start_up)
     has_depth = bool(problem.body_depth.mean_disparity.any())
     people = len(problem.heights)
@@ -105,6 +109,7 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
         parts = [
             _ground_residuals(problem, answer, weights, limit),
             _balance_residuals(problem, answer),
+            _cue_residuals(problem, answer),
             np.array([math.acos(float(np.clip(-answer.up[1], -1, 1))) / _HORIZON_SIGMA]),
             _saturated(answer.levels / level_sigma),
         ]
@@ -161,7 +166,8 @@ def _starts(problem: ScaleProblem, up: Array, weights: Weights) -> list[tuple[Ar
     return [(np.ones(people), np.zeros(people), common), (scales, camera_height - own, camera_height)]
 
 
-def _mean_up(balance: Array) -> Array:
+def mean_up(balance: Array) -> Array:
+    """Unit vector (3,) that people's bearings (N, 3) agree on; the camera's own up where nobody's is known."""
     known = balance[np.linalg.norm(balance, axis=1) > 0.5]
     total = known.sum(axis=0)
     length = float(np.linalg.norm(total))
@@ -215,6 +221,11 @@ def _balance_residuals(problem: ScaleProblem, answer: ScaleGround) -> Array:
     known = np.linalg.norm(problem.balance, axis=1) > 0.5
     across = np.cross(problem.balance[known], answer.up)
     return (across / _BALANCE_SIGMA).ravel()
+
+
+def _cue_residuals(problem: ScaleProblem, answer: ScaleGround) -> Array:
+    cues = problem.cues
+    return np.zeros(0) if cues is None else np.sqrt(cues.weights) * (cues.normals @ answer.up) / _CUE_SIGMA
 
 
 def _depth_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weights) -> Array:

@@ -13,8 +13,9 @@ from core_solver.energy.weights import Weights
 from core_solver.optimise.evidence import Evidence
 from core_solver.optimise.pose_fit import PoseFit
 from core_solver.optimise.posing import TorchBody, sole_rows
-from core_solver.optimise.scale_ground import ScaleGround, ScaleProblem, fit_scale_ground
+from core_solver.optimise.scale_ground import ScaleGround, ScaleProblem, fit_scale_ground, mean_up
 from core_solver.optimise.variables import pose_points, start_variables
+from core_solver.scene.edges import find_cues
 from core_solver.scene.sampling import sample_bodies, sample_floor
 from core_solver.tracking.tracks import Modalities
 
@@ -62,15 +63,18 @@ def estimate_sizes(clip: Clip, fit: PoseFit, weights: Weights) -> ScaleGround:
     visible = np.maximum(depth.visible.sum(axis=-1), 1)
     log_depth = (depth.visible * np.log(np.maximum(proxy[..., 2], 0.05))).sum(axis=-1) / visible
     feet = clip.camera.project(np.maximum(soles, (-np.inf, -np.inf, 0.05)))
+    balance = _balance(points.joints.cpu().double().numpy(), soles, planted)
+    edges = clip.modalities.edges
     return fit_scale_ground(
         ScaleProblem(
             soles=soles,
             planted=planted,
-            balance=_balance(points.joints.cpu().double().numpy(), soles, planted),
+            balance=balance,
             heights=np.array([clip.body.height(b) for b in fit.betas]),
             log_depth=log_depth,
             body_depth=depth,
             floor=sample_floor(feet, planted, clip.evidence.size, clip.modalities, clip.camera),
+            cues=None if edges is None else find_cues(edges, clip.camera, mean_up(balance)),
         ),
         weights,
     )

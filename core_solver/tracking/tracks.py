@@ -66,6 +66,8 @@ class Modalities:
         labels: (T, h, w) uint8 on a grid laid over the whole image: BACKGROUND, a track's id, or UNCLAIMED.
         disparity: (T, hd, wd) float16 in [0, 1], near = large, on a grid laid over the whole image; None without.
         dropped: people left out, for the summary.
+        edges: (L, 5) straight edges of the background: both ends in pixels of the distorted footage (u, v, u, v) and
+            how much each counts; None where nobody looked.
     """
 
     times: NDArray[np.float64]
@@ -75,3 +77,4 @@ class Modalities:
     labels: NDArray[np.uint8]
     disparity: NDArray[np.float16] | None
     dropped: tuple[DroppedTrack, ...] = ()
+    edges: Floats | None = None

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from core_solver.energy.weights import Weights
+from core_solver.geometry import matrix_from_rotvec
 from core_solver.optimise.scale_ground import ScaleGround, ScaleProblem, fit_scale_ground
+from core_solver.scene.edges import UprightCues
 from core_solver.scene.sampling import BodyDepth, FloorSamples
 
 CAMERA_HEIGHT, STATURE, FRAMES = 2.2, 1.70, 30
@@ -202,3 +204,16 @@ def test_steps_beyond_all_measure_stay_numbers(monkeypatch: pytest.MonkeyPatch) 
     assert len(seen) >= 2
     assert all(seen)
     assert np.isfinite(answer.scales).all()
+
+
+def test_the_scenes_edges_overrule_how_people_lean():
+    """Everybody leans by 6 degrees in the estimated poses; door frames tell the truth, and with it the child's size."""
+    problem = problem_of([(1.0, -1.0, 5.0), (0.72, 1.0, 7.0)])
+    axis = np.cross(tilted_up(), [0, 0, 1.0])
+    lean = matrix_from_rotvec(np.radians(6) * axis / np.linalg.norm(axis)) @ tilted_up()
+    leaning = replace(problem, balance=np.tile(lean, (2, 1)))
+    sides = np.linalg.svd(np.eye(3) - np.outer(tilted_up(), tilted_up()))[0][:, :2].T
+    told = replace(leaning, cues=UprightCues(sides, np.array([3.0, 1.0])))
+    without, with_cues = solve(leaning), solve(told)
+    assert degrees_between(with_cues.up, tilted_up()) < 1 < degrees_between(without.up, tilted_up())
+    assert with_cues.scales[1] / with_cues.scales[0] == pytest.approx(0.72, rel=0.04)
