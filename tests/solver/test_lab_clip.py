@@ -78,6 +78,7 @@ def test_statures_and_places_of_two_people(shared_data: Path, models, tmp_path: 
         f"  root error {errors[0]:.2f} {errors[1]:.2f} m  gravity {lean:.1f} degrees"
     )
     assert np.abs(heights - 1).max() < 0.12
+    assert lean < 3
     assert abs(distance / true_distance - 1) < 0.25
     # Feet rest on the ground whenever they are said to.
     for person in (man, woman):
