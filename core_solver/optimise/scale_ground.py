@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 _GROUND_SIGMA = 0.02  # of the camera's height: how flat a floor is, and how well soles are found
 _LEVEL_DIFFERENCE_M = 0.03  # between people side by side
 _LEVEL_SLOPE = 0.03  # and for every metre between them: steps, kerbs and platforms are common
-_OTHER_FLOOR = 4.0  # deviations at which a different floor is believed
+_OTHER_FLOOR = 6.0  # deviations at which a different floor is believed
+_PIT = 1.05  # by which a floor below the common ground is less likely than one above: people climb on things
 _BALANCE_SIGMA = math.radians(6)  # one person's mean lean in the estimated pose
 _CUE_SIGMA = math.radians(0.5)  # of one upright edge
 _HORIZON_SIGMA = math.radians(30)  # cameras are held roughly level
@@ -45,7 +46,7 @@ class ScaleProblem:
         heights: (N,) statures in metres at unit scale.
         log_depth: (N, T) mean log depth of the visible vertices.
         body_depth: disparity under them.
-        floor: disparity around feet.
+        floor: disparity of the floor around feet.
         cues: what else in the scene tells where up is.
     """
 
@@ -111,7 +112,7 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
             _balance_residuals(problem, answer),
             _cue_residuals(problem, answer),
             np.array([math.acos(float(np.clip(-answer.up[1], -1, 1))) / _HORIZON_SIGMA]),
-            _saturated(answer.levels / level_sigma),
+            np.where(answer.levels < 0, _PIT, 1.0) * _saturated(answer.levels / level_sigma),
         ]
         if has_depth:
             parts += [_depth_residuals(problem, answer, weights), _floor_residuals(problem, answer, weights, limit)]
@@ -133,7 +134,9 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
         solutions.append(fit(x, _LIMITS))
     best = min(solutions, key=lambda s: s[0])[1]
     # The picture is the same at every size of the world: a family may be taken for a group of giants.
-    solutions += [fit(_resized(best, people, factor), _LIMITS[-1:]) for factor in _OTHER_SIZES]
+    others = [_resized(best, people, factor) for factor in _OTHER_SIZES]
+    others.append(_on_lowest_floor(best, people))
+    solutions += [fit(x, _LIMITS[-1:]) for x in others]
     return unpack(min(solutions, key=lambda s: s[0])[1])
 
 
@@ -144,6 +147,15 @@ def _resized(x: Array, people: int, factor: float) -> Array:
     grown[3 + people : 3 + 2 * people] *= factor
     grown[3 + 2 * people :] -= math.log(factor)
     return grown
+
+
+def _on_lowest_floor(x: Array, people: int) -> Array:
+    """The unknowns of the same scene with its ground where the lowest person stands."""
+    lowered = x.copy()
+    levels = lowered[3 + people : 3 + 2 * people]
+    lowered[2] = math.log(max(math.exp(min(x[2], _LOG_SIZES[1])) - levels.min(), 0.1))
+    levels -= levels.min()
+    return lowered
 
 
 def _softened(residual: Array) -> Array:
@@ -190,8 +202,13 @@ def _ground_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weigh
     trust = problem.planted * (heights < lowest + 0.04)
     total = trust.sum(axis=(1, 2), keepdims=True)
     share = np.sqrt(weights.effective_samples * trust / np.maximum(total, 1e-9))
-    relative = heights / (_GROUND_SIGMA * answer.offset)
+    relative = heights / (_GROUND_SIGMA * _camera_heights(answer)[:, None, None])
     return (share * _bounded(relative, limit)).ravel()
+
+
+def _camera_heights(answer: ScaleGround) -> Array:
+    """(N,) metres above each person's own floor; never nothing, whatever the search tries."""
+    return np.maximum(answer.offset - answer.levels, 0.02 * answer.offset)
 
 
 def _bounded(residual: Array, limit: float) -> Array:
@@ -243,7 +260,8 @@ def _floor_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weight
     if len(floor.disparity) == 0:
         return np.zeros(0)
     slope = np.maximum(-(floor.rays @ answer.up), 1e-3)
-    log_depth = np.log(answer.offset / slope)
+    # Who stands on a roof has the roof about their feet.
+    log_depth = np.log(_camera_heights(answer)[floor.people] / slope)
     difference = log_depth + np.log(answer.inverse_far + answer.inverse_gap * floor.disparity)
     share = math.sqrt(weights.depth * weights.effective_samples / len(difference))
     return share * _bounded(difference / _FLOOR_SIGMA, limit)

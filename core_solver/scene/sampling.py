@@ -117,12 +117,12 @@ class FloorSamples:
     Attributes:
         rays: (M, 3) with z = 1.
         disparity: (M,).
-        frames: (M,) frame of each sample.
+        people: (M,) whose feet each sample is beside.
     """
 
     rays: Array
     disparity: Array
-    frames: NDArray[np.int64]
+    people: NDArray[np.int64]
 
 
 def sample_floor(
@@ -144,7 +144,7 @@ def sample_floor(
         return nothing
     chosen = np.argwhere(planted > 0.5)
     chosen = chosen[:: max(1, len(chosen) * 4 // most)]
-    pixels, values, frames = [], [], []
+    pixels, values, people = [], [], []
     for n, t, side in chosen:
         # To both sides of the foot and below it: a tenth of the person's size away lies floor, not leg.
         steps = size[n, t] * np.array([(-0.12, 0.0), (0.12, 0.0), (-0.08, 0.06), (0.08, 0.06)])
@@ -153,9 +153,9 @@ def sample_floor(
         bare = (sample_grid(modalities.labels[t], around, camera, outside=255) == BACKGROUND) & np.isfinite(below)
         pixels.append(around[bare])
         values.append(below[bare])
-        frames.append(np.full(bare.sum(), t))
+        people.append(np.full(bare.sum(), n))
     if not pixels:
         return nothing
     return FloorSamples(
-        camera.rays(np.concatenate(pixels)), np.concatenate(values).astype(float), np.concatenate(frames)
+        camera.rays(np.concatenate(pixels)), np.concatenate(values).astype(float), np.concatenate(people)
     )

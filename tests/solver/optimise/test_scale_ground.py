@@ -206,6 +206,23 @@ def test_steps_beyond_all_measure_stay_numbers(monkeypatch: pytest.MonkeyPatch) 
     assert np.isfinite(answer.scales).all()
 
 
+def test_who_stands_on_a_roof_makes_nobody_a_child():
+    """The depth map shows the roof about the feet of the one and the grass about those of the other."""
+    problem = problem_of([(1.0, -1.0, 8.0), (0.97, 1.0, 7.0)], levels=[1.7, 0.0])
+    rng = np.random.default_rng(4)
+    rays, disparities, people = [], [], []
+    for n, scale in enumerate((1.0, 0.97)):
+        soles = scale * problem.soles[n].reshape(-1, 3)
+        rays.append(soles / soles[:, 2:])
+        disparities.append((1 / soles[:, 2] - 1 / 30) / (1 / 1.5 - 1 / 30) + rng.normal(size=len(soles)) * 0.002)
+        people.append(np.full(len(soles), n))
+    floor = FloorSamples(np.concatenate(rays), np.concatenate(disparities), np.concatenate(people))
+    answer = solve(replace(problem, floor=floor))
+    np.testing.assert_allclose(answer.scales * problem.heights, [1.7, 1.65], rtol=0.07)
+    assert answer.levels[0] - answer.levels[1] == pytest.approx(1.7, rel=0.15)
+    assert abs(answer.levels[1]) < 0.1  # the grass is the ground, not the roof
+
+
 def test_the_scenes_edges_overrule_how_people_lean():
     """Everybody leans by 6 degrees in the estimated poses; door frames tell the truth, and with it the child's size."""
     problem = problem_of([(1.0, -1.0, 5.0), (0.72, 1.0, 7.0)])

@@ -120,7 +120,10 @@ def test_floor_samples_lie_on_the_floor_beside_the_feet():
     feet = clip.camera.project(clip.joints[:, :, [7, 8]])
     sizes = np.full((2, 6), 250.0)
     found = sample_floor(feet, np.ones((2, 6, 2)), sizes, clip.modalities, clip.camera)
-    assert len(found.rays) == len(found.disparity) == len(found.frames) > 10
+    assert len(found.rays) == len(found.disparity) == len(found.people) > 10
+    # The one on the left is the first.
+    assert (found.rays[found.people == 0, 0] < 0).all()
+    assert (found.rays[found.people == 1, 0] > 0).all()
     # The disparity under each ray is that of the true floor: depth = height / -(ray . up).
     truth = clip.camera_height / -(found.rays @ clip.up)
     far, gap = 1 / 30, 1 / 1.5 - 1 / 30
@@ -142,11 +145,12 @@ def test_no_floor_is_sampled_under_lifted_feet_people_or_without_depth():
 
 
 def test_floor_samples_are_limited_in_number():
-    clip = make_clip(BODY, [Walker(1.0, (-1, 5), 0.5, is_still=True)], frames=40)
+    clip = make_clip(BODY, [Walker(1.0, (-1, 5), 0.5)], frames=40)
     feet, sizes = clip.camera.project(clip.joints[:, :, [7, 8]]), np.full((1, 40), 250.0)
     found = sample_floor(feet, np.ones((1, 40, 2)), sizes, clip.modalities, clip.camera, most=40)
     assert 10 < len(found.rays) <= 60
-    assert np.ptp(found.frames) > 25
+    # They follow the walker to the end.
+    assert np.ptp(found.rays[:, 0]) > 0.8 * np.ptp(clip.camera.rays(feet)[..., 0])
 
 
 def test_many_bodies_at_once_are_each_seen_as_if_alone(monkeypatch):
