@@ -34,6 +34,11 @@ class PosablePerson:
         """Id and height."""
         return f"{self.person.id}: {self.person.height_m:.2f} m"
 
+    def is_present(self, frame: int) -> bool:
+        """Whether the frame lies between the first and the last sight of the person."""
+        seen = np.flatnonzero(self.person.valid)
+        return bool(seen.size and seen[0] <= frame <= seen[-1])
+
     @cached_property
     def _weights(self) -> Array:
         """(V, 24) from the take's four weights a vertex."""

@@ -44,13 +44,13 @@ class TakeOverFootage:
             yield self._draw(picture, frame, self._footage.numbers[frame])
 
     def _draw(self, picture: Image, frame: int, number: int) -> Image:
+        present = [person for person in self.people if person.is_present(frame)]
         bodies = [
-            ShownBody(p.vertices(frame), p.person.faces, p.colour, seen=bool(p.person.valid[frame]))
-            for p in self.people
+            ShownBody(p.vertices(frame), p.person.faces, p.colour, seen=bool(p.person.valid[frame])) for p in present
         ]
         result = draw_bodies(picture, bodies, self.camera)
         scale = min(picture.shape[:2]) / 720
-        for person, body in zip(self.people, bodies, strict=True):
+        for person, body in zip(present, bodies, strict=True):
             self._name(result, person, body, scale)
         stamp = f"frame {number}   {self.take.times[frame]:.2f} s"
         draw_text(result, stamp, (10 * scale, picture.shape[0] - 12 * scale), 0.75 * scale)

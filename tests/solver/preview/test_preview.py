@@ -120,6 +120,16 @@ def test_frames_without_evidence_are_fainter(tmp_path):
     assert 0.1 * strength[0] < strength[1] < 0.7 * strength[0]
 
 
+def test_nobody_is_drawn_before_their_first_and_after_their_last_sight(tmp_path):
+    body = make_stick_body()
+    valid = np.array([False, True, True, False])
+    take = make_take(people=(make_person(body, 1, RED, (0.0, 3.0), (0, 0), 4, valid=valid),), frames=4)
+    video = write_video(tmp_path / "clip.avi", take.meta.camera, 4)
+    pictures = pictures_of(take, video, range(4))
+    drawn = [bool((np.abs(p[60:200].astype(float) - GREY) > 40).any()) for p in pictures]
+    assert drawn == [False, True, True, False]
+
+
 def test_behind_the_camera_and_far_outside_nothing_is_drawn(tmp_path):
     body = make_stick_body()
     people = (
