@@ -29,6 +29,8 @@ _BALANCE_SIGMA = math.radians(6)  # one person's mean lean in the estimated pose
 _CUE_SIGMA = math.radians(0.5)  # of one upright edge
 _HORIZON_SIGMA = math.radians(30)  # cameras are held roughly level
 _FLOOR_SIGMA = 0.20  # log depth of a network on a floor
+_SHALLOWEST = 3.0  # a scene's farthest point is about so many times as far away as its nearest, or more
+_SHALLOW_SIGMA = 0.35  # of the log of that
 _LOG_INVERSE_DEPTHS = (-math.log(1000.0), -math.log(0.05))  # a network's far end may be beyond all measure
 _OTHER_SIZES = (0.75, 1.33)
 _LOG_SIZES = (-5.0, 7.0)  # of scales, and of the camera's height in metres
@@ -116,6 +118,7 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
         ]
         if has_depth:
             parts += [_depth_residuals(problem, answer, weights), _floor_residuals(problem, answer, weights, limit)]
+            parts.append(_range_residual(answer))
         # Statures have their own distribution: a giant must not be excused as an outlier.
         return np.concatenate([_softened(np.concatenate(parts)), _height_residuals(problem, answer, weights)])
 
@@ -130,8 +133,9 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
     solutions = []
     for scales, levels, camera_height in _starts(problem, start_up, weights):
         x = np.concatenate([[0.0, 0.0, math.log(camera_height)], np.log(scales), levels, depth_start])
-        # First everybody is pulled into place from however far, then what does not belong there lets go.
-        solutions.append(fit(x, _LIMITS))
+        # First everybody is pulled into place from however far, then what does not belong there lets go; or, where the
+        # beginning is nearly right, at once.
+        solutions += [fit(x, _LIMITS), fit(x, _LIMITS[-1:])]
     best = min(solutions, key=lambda s: s[0])[1]
     # The picture is the same at every size of the world: a family may be taken for a group of giants.
     others = [_resized(best, people, factor) for factor in _OTHER_SIZES]
@@ -253,6 +257,12 @@ def _depth_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weight
     seen = weight.sum(axis=1)
     mean = (weight * difference).sum(axis=1) / np.maximum(seen, 1e-9)
     return math.sqrt(weights.depth * weights.effective_samples) * mean / weights.depth_sigma
+
+
+def _range_residual(answer: ScaleGround) -> Array:
+    """No scene is a wall: two people equally far away, one of whom the network got wrong, must not make it one."""
+    reach = math.log1p(answer.inverse_gap / answer.inverse_far)
+    return np.array([max(math.log(_SHALLOWEST) - reach, 0.0) / _SHALLOW_SIGMA])
 
 
 def _floor_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weights, limit: float) -> Array:

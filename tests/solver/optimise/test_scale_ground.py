@@ -234,3 +234,12 @@ def test_the_scenes_edges_overrule_how_people_lean():
     without, with_cues = solve(leaning), solve(told)
     assert degrees_between(with_cues.up, tilted_up()) < 1 < degrees_between(without.up, tilted_up())
     assert with_cues.scales[1] / with_cues.scales[0] == pytest.approx(0.72, rel=0.04)
+
+
+def test_two_people_equally_far_away_do_not_flatten_the_scene():
+    """The network shows one of them twice as near as the other: it is wrong about them, and the world is no wall."""
+    problem = problem_of([(1.0, -1.0, 7.0), (1.0, 1.0, 7.0)])
+    disparity = problem.body_depth.mean_disparity * np.array([[0.7], [1.6]])
+    answer = solve(replace(problem, body_depth=replace(problem.body_depth, mean_disparity=disparity)))
+    assert 1 + answer.inverse_gap / answer.inverse_far > 1.7
+    np.testing.assert_allclose(answer.scales, 1.0, rtol=0.15)
