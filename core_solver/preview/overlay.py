@@ -14,11 +14,13 @@ from core_solver.camera import Camera, camera_from_model
 from core_solver.errors import UserError
 from core_solver.footage import TakeFootage
 from core_solver.preview.bodies import PosablePerson
+from core_solver.preview.labels import Label, draw_labels
 from core_solver.preview.render import ShownBody, draw_bodies
-from core_solver.preview.text import draw_text
+from core_solver.preview.text import draw_text, text_size
 from core_solver.progress import Advance
 from core_solver.take import Take
 
+Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 log = logging.getLogger(__name__)
@@ -50,22 +52,30 @@ class TakeOverFootage:
         ]
         result = draw_bodies(picture, bodies, self.camera)
         scale = min(picture.shape[:2]) / 720
-        for person, body in zip(present, bodies, strict=True):
-            self._name(result, person, body, scale)
-        stamp = f"frame {number}   {self.take.times[frame]:.2f} s"
-        draw_text(result, stamp, (10 * scale, picture.shape[0] - 12 * scale), 0.75 * scale)
+        stamp = self._stamp(result, f"frame {number}   {self.take.times[frame]:.2f} s", 0.75 * scale)
+        names = [self._name(person, body) for person, body in zip(present, bodies, strict=True)]
+        draw_labels(result, [name for name in names if name is not None], 0.8 * scale, [stamp])
         return result
 
-    def _name(self, picture: Image, person: PosablePerson, body: ShownBody, scale: float) -> None:
-        """The name above the head, where the head is in the picture."""
+    @staticmethod
+    def _stamp(picture: Image, text: str, size: float) -> Array:
+        """Write at the lower left; returns the box (4,) it takes."""
+        width, height = text_size(text, size)
+        left, bottom = 6 * size, picture.shape[0] - 2 * size
+        draw_text(picture, text, (left, bottom), size)
+        return np.array([left, bottom - height, left + width, bottom])
+
+    def _name(self, person: PosablePerson, body: ShownBody) -> Label | None:
+        """The name for the crown of the head, where that is in the picture."""
         up = -np.asarray(self.take.meta.gravity)
         crown = body.vertices[int(np.argmax(body.vertices @ up))]
         if crown[2] <= 0:
-            return
-        u, v = self.camera.project(crown)
-        if 0 <= u < self.camera.width and 0 <= v < self.camera.height:
-            text = person.short_label if body.seen else f"{person.short_label} (not seen)"
-            draw_text(picture, text, (u - 55 * scale, v - 12 * scale), 0.8 * scale)
+            return None
+        u, v = (float(pixel) for pixel in self.camera.project(crown))
+        if not (0 <= u < self.camera.width and 0 <= v < self.camera.height):
+            return None
+        text = person.short_label if body.seen else f"{person.short_label} (not seen)"
+        return Label(text, (u, v), person.colour)
 
 
 def write_overlay(footage: TakeOverFootage, path: Path, advance: Advance) -> None:
