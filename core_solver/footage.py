@@ -71,6 +71,13 @@ def move_points(to_first: Array, points: NDArray) -> Array:
     return ahead[..., :2] / ahead[..., 2:]
 
 
+def move_box(to_first: Array, box: NDArray) -> Array:
+    """The upright box (4,) as left, top, right, bottom around one moved by a (3, 3) map."""
+    left, top, right, bottom = np.asarray(box, float)
+    corners = move_points(to_first, np.array([[left, top], [right, top], [left, bottom], [right, bottom]]))
+    return np.concatenate([corners.min(axis=0), corners.max(axis=0)])
+
+
 def between_centres(maps: Array) -> Array:
     """Maps (..., 3, 3) of our pixels as OpenCV has them: it counts from the first pixel's centre."""
     return shifted(maps, -0.5)

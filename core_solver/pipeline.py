@@ -116,7 +116,7 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
     motion = camera_motion([picture for _, picture in clip.spread(_MOTION_FRAMES)])
     shake = find_shake(clip, observations, motion)
     if shake is not None:
-        observations = steady(observations, shake, size, label_size(*size))
+        observations = steady(observations, shake.maps, size, label_size(*size))
     found = find_people(observations, size, people=options.people)
     modalities = gather(observations, found, size, label_size(*size), edits)
     colours = {track.id: person_colour(index) for index, track in enumerate(modalities.tracks)}

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core_solver.footage import between_centres, move_picture, move_points, shifted
+from core_solver.footage import between_centres, move_box, move_picture, move_points, shifted
 from core_solver.perception.observations import CroppedMask, Detection, FrameObservations
 from core_solver.video import (
     ENOUGH_CORNERS,
@@ -127,17 +127,17 @@ def find_shake(clip: VideoClip, observations: Sequence[FrameObservations], motio
 
 
 def steady(
-    observations: Sequence[FrameObservations], shake: Shake, picture: tuple[int, int], labels: tuple[int, int]
+    observations: Sequence[FrameObservations], maps: Array, picture: tuple[int, int], labels: tuple[int, int]
 ) -> list[FrameObservations]:
     """What was seen, where the first frame's camera would have seen it.
 
     Args:
         observations: one for each frame.
-        shake: of the same frames.
+        maps: (T, 3, 3) homographies from the same frames' pixels to the first frame's.
         picture: (width, height) of the footage.
         labels: (width, height) of the grid of the people's masks.
     """
-    return [_moved(seen, to_first, picture, labels) for seen, to_first in zip(observations, shake.maps, strict=True)]
+    return [_moved(seen, to_first, picture, labels) for seen, to_first in zip(observations, maps, strict=True)]
 
 
 class _Follower:
@@ -229,11 +229,10 @@ def _moved_detection(
     person: Detection, to_first: Array, picture: tuple[int, int], labels: tuple[int, int]
 ) -> Detection:
     left, top, right, bottom = person.box.astype(float)
-    corners = move_points(to_first, np.array([[left, top], [right, top], [left, bottom], [right, bottom]]))
     turn = _turn(to_first, np.array([(left + right) / 2, (top + bottom) / 2]))
     return replace(
         person,
-        box=np.concatenate([corners.min(axis=0), corners.max(axis=0)]).astype(np.float32),
+        box=move_box(to_first, person.box).astype(np.float32),
         keypoints=move_points(to_first, person.keypoints.astype(float)).astype(np.float32),
         landmarks=(person.landmarks @ turn.T).astype(np.float32),
         mask=_moved_mask(person.mask, _on_grid(to_first, picture, labels), labels),

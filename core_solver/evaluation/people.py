@@ -6,7 +6,7 @@ the reference calls hidden and people below the asked height are neutral: who fi
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from core_solver.errors import UserError
+from core_solver.footage import move_box
 from core_solver.tracking.identities import Somebody
 
 Array = NDArray[np.float64]
@@ -43,6 +44,11 @@ class NamedPerson:
         """Pixels."""
         return self.box[3] - self.box[1]
 
+    def moved(self, to_first: Array) -> "NamedPerson":
+        """The same in a picture moved by a (3, 3) map of pixels."""
+        left, top, right, bottom = (float(side) for side in move_box(to_first, np.array(self.box)))
+        return replace(self, box=(left, top, right, bottom))
+
 
 @dataclass(frozen=True)
 class PeopleReference:
@@ -54,6 +60,12 @@ class PeopleReference:
     def within(self, frames: Sequence[int]) -> "PeopleReference":
         """The same for those frames alone that are among these."""
         return PeopleReference(self.image_size, {f: self.frames[f] for f in sorted(self.frames.keys() & set(frames))})
+
+    def moved(self, maps: Mapping[int, Array]) -> "PeopleReference":
+        """The same with the boxes of each frame moved by its (3, 3) map of pixels; `maps` has all its frames."""
+        return PeopleReference(
+            self.image_size, {f: tuple(p.moved(maps[f]) for p in people) for f, people in self.frames.items()}
+        )
 
 
 @dataclass(frozen=True)

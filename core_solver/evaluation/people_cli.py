@@ -1,6 +1,7 @@
 """`scene-aware-mocap evaluate people`: were the people of a clip found and kept apart?
 
-Takes the observations that a solve has kept, so that no network runs again.
+Takes the observations that a solve has kept, so that no network runs again. Where the video shook, a solve follows
+people in the picture held still: the take beside the observations knows how, and the reference is moved there too.
 """
 
 from __future__ import annotations
@@ -10,8 +11,14 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from core_solver.errors import UserError
+
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
 
     from core_solver.evaluation.people import PeopleScores
 
@@ -35,6 +42,8 @@ def evaluate_people(options: argparse.Namespace) -> int:
     """
     from core_solver.evaluation.people import describe_scores, people_boxes, read_people, score_people  # noqa: PLC0415
     from core_solver.perception.cache import read_observations  # noqa: PLC0415
+    from core_solver.perception.perceive import label_size  # noqa: PLC0415
+    from core_solver.stabilise import steady  # noqa: PLC0415
     from core_solver.tracking import find_people, read_edits  # noqa: PLC0415
     from core_solver.tracking.identities import apply_edits  # noqa: PLC0415
 
@@ -42,8 +51,12 @@ def evaluate_people(options: argparse.Namespace) -> int:
     edits = read_edits(options.identities) if options.identities else ()
     observations = list(read_observations(options.work))
     frames = [o.frame.index for o in observations]
-    people = apply_edits(find_people(observations, reference.image_size).people, edits, frames)
     looked_at = reference.within(frames)
+    maps = _steadying(options.work, frames)
+    if maps is not None:
+        observations = steady(observations, maps, reference.image_size, label_size(*reference.image_size))
+        looked_at = looked_at.moved(dict(zip(frames, maps, strict=True)))
+    people = apply_edits(find_people(observations, reference.image_size).people, edits, frames)
     one_second = sum(o.frame.time < observations[0].frame.time + 1 for o in observations)
     seen = score_people(looked_at, people_boxes(people, frames))
     followed = score_people(looked_at, people_boxes(people, frames, one_second))
@@ -55,6 +68,23 @@ def evaluate_people(options: argparse.Namespace) -> int:
     lines += describe_scores(followed)[:2]
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
+
+
+def _steadying(work: Path, frames: Sequence[int]) -> NDArray[np.float64] | None:
+    """(T, 3, 3) how these frames of the video lie over the first one; None where it did not shake or is not solved.
+
+    Raises:
+        UserError: the take beside the observations is damaged, or has other frames.
+    """
+    from core_solver.take import read_take  # noqa: PLC0415
+
+    path = work.with_suffix(".npz")
+    take = read_take(path) if path.is_file() else None
+    if take is None or take.steadying is None:
+        return None
+    if [take.meta.first_frame + take.meta.frame_step * frame for frame in range(take.frame_count)] != list(frames):
+        raise UserError(f"{path.name} has other frames than {work.name}: solve again")
+    return take.steadying
 
 
 def _facts(scores: PeopleScores) -> dict[str, float]:

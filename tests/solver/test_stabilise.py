@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core_solver.perception.observations import CroppedMask, Detection, FrameInfo, FrameObservations
-from core_solver.stabilise import Shake, is_worth_measuring, measure_shake, steady
+from core_solver.stabilise import is_worth_measuring, measure_shake, steady
 from core_solver.video import VideoClip, camera_motion, open_video
 
 SIZE = (640, 360)
@@ -152,10 +152,6 @@ def person_at(where: Where) -> Detection:
     )
 
 
-def shake_of(to_first: np.ndarray) -> Shake:
-    return Shake(to_first[None], "homography", 5.0, 0.1, 0.0, float(np.hypot(*SIZE)))
-
-
 @given(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02), st.floats(-0.05, 0.05))
 def test_people_land_where_the_first_frame_saw_them(pan: float, tilt: float, roll: float) -> None:
     there = turn(pan, tilt, roll)
@@ -167,7 +163,7 @@ def test_people_land_where_the_first_frame_saw_them(pan: float, tilt: float, rol
     seen.mask.values[:] = 255 * (np.hypot(columns - centre[0], rows - centre[1]) < 20)
     disparity = np.tile(np.linspace(0, 1, 160, dtype=np.float16), (90, 1))
     frame = FrameObservations(FrameInfo(0, 0.0), (seen,), disparity)
-    moved = steady([frame], shake_of(np.linalg.inv(there)), SIZE, GRID)[0]
+    moved = steady([frame], np.linalg.inv(there)[None], SIZE, GRID)[0]
     person = moved.detections[0]
     np.testing.assert_allclose(person.keypoints, unmoved.keypoints, atol=1e-3)
     mask = person.mask
@@ -186,7 +182,7 @@ def test_people_land_where_the_first_frame_saw_them(pan: float, tilt: float, rol
 def test_what_the_frame_did_not_see_is_not_known() -> None:
     shift = np.array([[1, 0, 64.0], [0, 1, 0], [0, 0, 1]])
     frame = FrameObservations(FrameInfo(0, 0.0), (), np.ones((90, 160), np.float16))
-    moved = steady([frame], shake_of(shift), SIZE, GRID)[0].disparity
+    moved = steady([frame], shift[None], SIZE, GRID)[0].disparity
     assert moved is not None
     assert np.isnan(moved[:, :15]).all()
     assert (moved[:, 17:] == 1).all()
@@ -196,7 +192,7 @@ def test_no_motion_changes_nothing() -> None:
     seen = person_at(lambda p: p)
     seen.mask.values[30:100, 20:90] = 200
     disparity = np.random.default_rng(7).random((90, 160)).astype(np.float16)
-    moved = steady([FrameObservations(FrameInfo(0, 0.0), (seen,), disparity)], shake_of(np.eye(3)), SIZE, GRID)[0]
+    moved = steady([FrameObservations(FrameInfo(0, 0.0), (seen,), disparity)], np.eye(3)[None], SIZE, GRID)[0]
     person = moved.detections[0]
     np.testing.assert_array_equal(person.keypoints, seen.keypoints)
     np.testing.assert_array_equal(person.landmarks, seen.landmarks)
@@ -210,7 +206,7 @@ def test_places_nobody_claims_move_too_and_people_without_mask_stay_without() ->
     shift = np.array([[1, 0, 20.0], [0, 1, 0], [0, 0, 1]])  # 12 cells
     person = replace(person_at(lambda p: p), mask=CroppedMask(0, 0, np.zeros((0, 0), np.uint8)))
     place = CroppedMask(40, 130, np.full((30, 25), 255, np.uint8))
-    moved = steady([FrameObservations(FrameInfo(0, 0.0), (person,), None, (place,))], shake_of(shift), SIZE, GRID)[0]
+    moved = steady([FrameObservations(FrameInfo(0, 0.0), (person,), None, (place,))], shift[None], SIZE, GRID)[0]
     assert moved.detections[0].mask.values.size == 0
     (there,) = moved.unclaimed
     rows, columns = np.nonzero(there.values > 127)

@@ -1,6 +1,7 @@
 """The measures of people found and kept apart, and what they say about the street clip."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,9 @@ from core_solver.evaluation.people import (
 )
 from core_solver.perception.cache import write_chunk
 from core_solver.perception.observations import CroppedMask, Detection, FrameInfo, FrameObservations
+from core_solver.take import write_take
 from core_solver.tracking import find_people
+from tests.solver.preview.takes import make_take
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 
@@ -152,6 +155,74 @@ def test_the_command_prints_both_tables(tmp_path: Path, capsys: pytest.CaptureFi
     assert main([*arguments, "--identities", str(edits)]) == 0
     assert "person 1: no track" in capsys.readouterr().out
     assert main(["evaluate", "people", str(tmp_path), *arguments[3:]]) == 2
+
+
+def shaken_street(folder: Path) -> tuple[list[str], dict]:
+    """The street as a trembling hand films it: the command's arguments, and what it prints for the same at rest."""
+    work = folder / "take.work"
+    (work / "observations").mkdir(parents=True)
+    (work / "observations" / "key.json").write_text('{"frame_count": 32}')
+    shifts = np.random.default_rng(5).integers(-30, 31, (32, 2))
+    shifts[0] = 0
+    rest = street()[:32]
+    seen = [
+        replace(o, detections=tuple(shifted(person, shift) for person in o.detections))
+        for o, shift in zip(rest, shifts, strict=True)
+    ]
+    write_chunk(work / "observations" / "00000.npz", seen)
+    reference = json.loads((DATA / "street_people.json").read_text())
+    reference["frames"] = [f for f in reference["frames"] if f["frame"] < 32]
+    people = folder / "people.json"
+    at_rest = score_people(
+        read_people(DATA / "street_people.json").within(range(32)),
+        people_boxes(find_people(rest, (768, 576)).people, range(32)),
+    )
+    for frame in reference["frames"]:
+        for person in frame["people"]:
+            person["box"] = (np.array(person["box"]) + np.tile(shifts[frame["frame"]], 2)).tolist()
+    people.write_text(json.dumps(reference))
+    maps = np.tile(np.eye(3), (32, 1, 1))
+    maps[:, :2, 2] = -shifts
+    write_take(folder / "take.npz", replace(make_take(people=(), frames=32), steadying=maps))
+    expected = {name: getattr(at_rest, name) for name in ("people", "precision", "recall", "switches")}
+    return ["evaluate", "people", str(work), "--reference", str(people), "--json"], expected
+
+
+def shifted(person: Detection, by: np.ndarray) -> Detection:
+    return replace(
+        person,
+        box=(person.box + np.tile(by, 2)).astype(np.float32),
+        keypoints=(person.keypoints + by).astype(np.float32),
+    )
+
+
+def test_people_and_reference_are_compared_in_the_picture_held_still(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments, at_rest = shaken_street(tmp_path)
+    assert at_rest["precision"] == 1
+    assert main(arguments) == 0
+    facts = json.loads(capsys.readouterr().out)["seen"]
+    assert {name: facts[name] for name in at_rest} == at_rest
+    assert facts["fragmentations"] == 0
+
+
+def test_a_take_of_other_frames_cannot_hold_the_picture_still(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments, _ = shaken_street(tmp_path)
+    other = replace(make_take(people=(), frames=32, first_frame=1), steadying=np.tile(np.eye(3), (32, 1, 1)))
+    write_take(tmp_path / "take.npz", other)
+    assert main(arguments) == 2
+    assert "take.npz has other frames than take.work" in capsys.readouterr().err
+
+
+def test_boxes_move_with_the_picture() -> None:
+    truth = reference({1: 50}, {1: 50})
+    quarter = np.array([[0, -1, 500.0], [1, 0, 0], [0, 0, 1]])  # clockwise
+    moved = truth.moved({0: np.eye(3), 10: quarter})
+    assert moved.frames[0] == truth.frames[0]
+    assert moved.frames[10][0].box == (300, 50, 400, 90)
 
 
 def test_the_reference_is_whole() -> None:
