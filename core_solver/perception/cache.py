@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from core_solver.errors import UserError
 from core_solver.perception.observations import CroppedMask, Detection, FrameInfo, FrameObservations
+from core_solver.perception.onnx_weights import with_weights
 from core_solver.perception.perceive import Networks, perceive
 from core_solver.perception.precomputed.given import GivenModalities
 from core_solver.perception.precomputed.join import Helpers, perceive_given
@@ -105,7 +106,8 @@ def observation_key(clip: VideoClip, files: Sequence[Path], given: GivenModaliti
 
     Args:
         clip: the video.
-        files: networks, declarations and bodies in their order of use; what counts is what they hold.
+        files: networks, declarations and bodies in their order of use; what counts is what they hold, and what files
+            beside them hold of their weights.
         given: what need not be computed.
     """
     stat = clip.path.stat()
@@ -120,7 +122,7 @@ def observation_key(clip: VideoClip, files: Sequence[Path], given: GivenModaliti
             "first_frame": clip.frame_list[0].index,
             "every": clip.every,
             "rotation": clip.rotation,
-            "networks": [{"name": file.name, "sha256": _content(file)} for file in files],
+            "networks": [{"name": file.name, "sha256": _content(file)} for file in with_weights(files)],
             **known,
         },
         indent=1,

@@ -14,7 +14,6 @@ from core_solver.perception.networks.catalogue import read_declaration
 from core_solver.perception.networks.depth import DeclaredDepth
 from core_solver.perception.networks.kinds import View
 from core_solver.perception.networks.people import BodyRegressor, CropPoses, MaskFinder, PeopleFinder, Person
-from core_solver.perception.networks.session import onnx_files
 from core_solver.perception.networks.spec import NetworkSpec
 from core_solver.perception.store import ModelStore
 
@@ -94,7 +93,7 @@ def open_declared(named: Sequence[str | Path], store: ModelStore, device: str) -
         chosen[part] = spec
     finder, poses, masks, depth, bodies = (chosen.get(part) for part in _PARTS)
     body_file = store.require("open-body") if bodies else None
-    files = [file for spec in specs for file in (spec.toml, *onnx_files(spec.file))]
+    files = [file for spec in specs for file in (spec.toml, spec.file)]
     return Declared(
         files=tuple(files if body_file is None else [*files, body_file]),
         finder=PeopleFinder(finder, device) if finder else None,

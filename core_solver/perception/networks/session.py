@@ -1,7 +1,6 @@
 """A declared network that is open: its signature is checked, pictures go in as tensors, outputs come in fixed order."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import onnxruntime
@@ -190,9 +189,3 @@ def fits(found: Sequence[object], wanted: Sequence[int]) -> bool:
 def shown(shape: Sequence[object]) -> str:
     """A shape in words."""
     return "(" + ", ".join("any" if n is None or n == ANY else str(n) for n in shape) + ")"
-
-
-def onnx_files(file: Path) -> tuple[Path, ...]:
-    """The network's file and the files beside it that hold its weights, as large networks have them."""
-    beside = (file.with_name(file.name + suffix) for suffix in ("_data", ".data"))
-    return (file, *(path for path in beside if path.is_file()))

@@ -8,7 +8,7 @@ import pytest
 from onnx import TensorProto, helper
 
 from core_solver.errors import ModelError
-from core_solver.perception.networks.session import DeclaredSession, fits, onnx_files
+from core_solver.perception.networks.session import DeclaredSession, fits
 from core_solver.perception.networks.spec import read_spec
 from core_solver.perception.onnx_session import providers
 from tests.solver.perception.networks.graphs import (
@@ -142,12 +142,6 @@ def test_shapes_fit_where_every_known_length_does() -> None:
     assert fits(["N", 3, None, 96], (-1, 3, 128, 96))
     assert not fits(["N", 3, 127, 96], (-1, 3, 128, 96))
     assert not fits(["N", 3, 128], (-1, 3, 128, 96))
-
-
-def test_weights_beside_the_file_belong_to_it(tmp_path: Path) -> None:
-    for name in ("a.onnx", "a.onnx_data", "b.onnx_data"):
-        (tmp_path / name).touch()
-    assert onnx_files(tmp_path / "a.onnx") == (tmp_path / "a.onnx", tmp_path / "a.onnx_data")
 
 
 def test_devices(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
