@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from core_solver.camera_estimation.bystanders import Bystanders
+from core_solver.energy.residuals import saturated, softened
 from core_solver.energy.weights import Weights
 from core_solver.geometry import align_vectors
 
@@ -106,10 +107,10 @@ class _Problem:
                 self._leaning(up),
                 self._sideways(up, leans),
                 [math.asin(np.clip(up[0], -1, 1)) / _ROLL_SIGMA, math.asin(np.clip(up[2], -1, 1)) / _PITCH_SIGMA],
-                _saturated(floors / self._level_sigma),
+                saturated(floors / self._level_sigma, _OTHER_FLOOR),
             ]
         )
-        return np.concatenate([_softened(doubtful), leans / _SIDEWAYS_BIAS, self._sizes(log_scales)])
+        return np.concatenate([softened(doubtful), leans / _SIDEWAYS_BIAS, self._sizes(log_scales)])
 
     def _ground(self, up: Array, height: float, scales: Array, floors: Array, limit: float) -> Array:
         """Planted soles lie on their person's floor; of two feet only the lower one counts."""
@@ -143,14 +144,3 @@ def _up(frame: Array, x: Array) -> Array:
     """The first guess, tilted by two slopes."""
     tilted = frame @ np.array([x[0], 1.0, x[1]])
     return tilted / math.sqrt(tilted @ tilted)
-
-
-def _softened(residual: Array) -> Array:
-    """Residuals whose squares grow like the residuals themselves where these are large."""
-    size: Array = np.sqrt(2 * (np.sqrt(1 + residual**2) - 1))
-    return np.sign(residual) * size
-
-
-def _saturated(residual: Array) -> Array:
-    """Grows to `_OTHER_FLOOR` and no further."""
-    return _OTHER_FLOOR * residual / np.sqrt(_OTHER_FLOOR**2 + residual**2)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from core_solver.energy import terms
+from core_solver.energy.residuals import saturated, softened
 from core_solver.energy.weights import Weights
 from core_solver.geometry import align_vectors, matrix_from_rotvec
 from core_solver.scene.edges import UprightCues
@@ -114,13 +115,14 @@ def fit_scale_ground(problem: ScaleProblem, weights: Weights) -> ScaleGround:
             _balance_residuals(problem, answer),
             _cue_residuals(problem, answer),
             np.array([math.acos(float(np.clip(-answer.up[1], -1, 1))) / _HORIZON_SIGMA]),
-            np.where(answer.levels < 0, _PIT, 1.0) * _saturated(answer.levels / level_sigma),
+            # Somebody on a roof may be as high as they are.
+            np.where(answer.levels < 0, _PIT, 1.0) * saturated(answer.levels / level_sigma, _OTHER_FLOOR),
         ]
         if has_depth:
             parts += [_depth_residuals(problem, answer, weights), _floor_residuals(problem, answer, weights, limit)]
             parts.append(_range_residual(answer))
         # Statures have their own distribution: a giant must not be excused as an outlier.
-        return np.concatenate([_softened(np.concatenate(parts)), _height_residuals(problem, answer, weights)])
+        return np.concatenate([softened(np.concatenate(parts)), _height_residuals(problem, answer, weights)])
 
     def fit(x: Array, limits: tuple[float, ...]) -> tuple[float, Array]:
         cost = math.inf
@@ -160,12 +162,6 @@ def _on_lowest_floor(x: Array, people: int) -> Array:
     lowered[2] = math.log(max(math.exp(min(x[2], _LOG_SIZES[1])) - levels.min(), 0.1))
     levels -= levels.min()
     return lowered
-
-
-def _softened(residual: Array) -> Array:
-    """Residuals whose squares grow like the residuals themselves where these are large."""
-    size: Array = np.sqrt(2 * (np.sqrt(1 + residual**2) - 1))
-    return np.sign(residual) * size
 
 
 def _starts(problem: ScaleProblem, up: Array, weights: Weights) -> list[tuple[Array, Array, float]]:
@@ -231,11 +227,6 @@ def _height_residuals(problem: ScaleProblem, answer: ScaleGround, weights: Weigh
     log_heights = torch.as_tensor(np.log(answer.scales * problem.heights))
     costs = terms.height(log_heights, log_heights.new_tensor(weights.statures())).clamp_min(0).numpy()
     return math.sqrt(weights.height) * np.sign(log_heights.numpy() - math.log(weights.height_mean_m)) * np.sqrt(costs)
-
-
-def _saturated(residual: Array) -> Array:
-    """Grows to `_OTHER_FLOOR` and no further: somebody on a roof may be as high as they are."""
-    return _OTHER_FLOOR * residual / np.sqrt(_OTHER_FLOOR**2 + residual**2)
 
 
 def _balance_residuals(problem: ScaleProblem, answer: ScaleGround) -> Array:
