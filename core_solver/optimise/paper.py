@@ -4,7 +4,7 @@ What the paper leaves open is settled where it is met, and always in its favour:
 descent steps, frames compared only with their neighbours, terms that hold once for a clip counted once.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -26,6 +26,7 @@ from core_solver.optimise.paper_picture import DepthRange, Picture
 from core_solver.optimise.pose_fit import PoseFit, fit_poses
 from core_solver.optimise.posing import TorchBody, pose, torch_body
 from core_solver.optimise.solution import Solution
+from core_solver.optimise.switches import Switchable
 from core_solver.progress import Progress
 from core_solver.scene.aggregate import median_depth
 from core_solver.tracking.tracks import Modalities
@@ -39,7 +40,7 @@ _BESIDE_M = 0.05  # a second foot stands when it is hardly higher than the first
 
 
 @dataclass(frozen=True)
-class PaperPreset:
+class PaperPreset(Switchable[PaperWeights]):
     """How the paper solves.
 
     Attributes:
@@ -64,22 +65,6 @@ class PaperPreset:
     raster_size: int = 96
     batch: int = 10
     renew_every: int = 25
-
-    @staticmethod
-    def terms() -> tuple[str, ...]:
-        """What can be switched off."""
-        return PaperWeights.terms()
-
-    def without(self, *terms: str) -> "PaperPreset":
-        """The same with these terms switched off.
-
-        Raises:
-            ValueError: no such term.
-        """
-        for term in terms:
-            if term not in PaperWeights.terms():
-                raise ValueError(f"no term is called {term}: choose from {', '.join(PaperWeights.terms())}")
-        return replace(self, weights=replace(self.weights, **dict.fromkeys(terms, 0.0)))
 
 
 def solve_paper(

@@ -1,15 +1,16 @@
 """Named ways to solve, from the paper's own to ours."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from core_solver.energy.weights import Weights
 from core_solver.optimise.looking import Look
 from core_solver.optimise.paper import PaperPreset
 from core_solver.optimise.second_order import Schedule
+from core_solver.optimise.switches import Switchable
 
 
 @dataclass(frozen=True)
-class Preset:
+class Preset(Switchable[Weights]):
     """A name for what is minimised and how.
 
     Attributes:
@@ -22,29 +23,11 @@ class Preset:
         last_iterations: of stage two, besides `stage_two.iterations`.
     """
 
-    name: str
-    weights: Weights
     stage_one: Schedule
     stage_two: Schedule
     look: Look
     last_look: Look
     last_iterations: Schedule
-
-    @staticmethod
-    def terms() -> tuple[str, ...]:
-        """What can be switched off."""
-        return Weights.terms()
-
-    def without(self, *terms: str) -> "Preset":
-        """The same with these terms switched off; a term is named as its weight is.
-
-        Raises:
-            ValueError: no such term.
-        """
-        for term in terms:
-            if term not in Weights.terms():
-                raise ValueError(f"no term is called {term}: choose from {', '.join(Weights.terms())}")
-        return replace(self, weights=replace(self.weights, **dict.fromkeys(terms, 0.0)))
 
 
 _EACH_PIXEL = Look(320, 64, each_pixel=True)
