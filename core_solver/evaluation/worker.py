@@ -9,6 +9,7 @@ from pathlib import Path
 
 from core_solver.evaluation.baseline import NAME, baseline
 from core_solver.evaluation.exchange import Outcome, Problem, read_problem, write_outcome
+from core_solver.evaluation.memory import peak_mb
 from core_solver.optimise.presets import PRESETS
 from core_solver.optimise.solution import Solution
 from core_solver.optimise.solve import solve
@@ -32,24 +33,6 @@ def run_preset(problem: Problem, preset: str, without: list[str]) -> Solution:
         return baseline(problem.modalities, problem.camera, problem.body)
     chosen = PRESETS[preset].without(*without)
     return solve(problem.modalities, problem.camera, problem.body, SilentProgress(), chosen)
-
-
-def peak_mb() -> float:
-    """Highest resident memory of this process so far, in 10^6 bytes.
-
-    Linux hands a new program the highest memory of the process that started it as its own `ru_maxrss`; only VmHWM
-    begins anew.
-    """
-    status = Path("/proc/self/status")
-    if status.is_file():
-        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM:"))
-        return int(line.split()[1]) * 1024 / 1e6
-    if sys.platform == "win32":
-        return 0.0  # not known without another library
-    import resource  # noqa: PLC0415 - not on Windows
-
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
 if __name__ == "__main__":
