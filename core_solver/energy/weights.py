@@ -77,7 +77,7 @@ class Weights:
     collision_sigma: float = 0.05
     slip: float = 16.0
     slip_sigma: float = 0.05
-    temporal: float = 1.0
+    temporal: float = 0.7
     temporal_sigma: float = 0.4
     tilt_sigma: float = math.radians(0.5)
     guard_sigma: float = 0.01

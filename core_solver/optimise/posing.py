@@ -1,6 +1,5 @@
 """Posing a whole clip of people at once, in torch."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +15,6 @@ from core_solver.body.spheres import body_spheres
 
 _SOLE_POINTS = 4  # of each foot that the solver follows: heel, toe and both sides
 _SOLE_THICKNESS_M = 0.03
-_TRUNK = [joint_index(name) for name in ("spine1", "spine2", "spine3", "neck", "left_collar", "right_collar")]
 
 
 @dataclass(frozen=True)
@@ -32,11 +30,6 @@ class PointSet:
     template: Tensor
     directions: Tensor
     weights: Tensor
-
-    def chosen(self, rows: Sequence[int]) -> "PointSet":
-        """Some of the points."""
-        which = torch.as_tensor(rows, device=self.template.device)
-        return PointSet(self.template[which], self.directions[which], self.weights[which])
 
     def joined(self, others: "PointSet") -> "PointSet":
         """These points and then others."""
@@ -58,7 +51,8 @@ class TorchBody:
     Attributes:
         joints: the 24 joints, each carried by itself.
         keypoints: the 25 image keypoints.
-        followed: points whose motion is smoothed: the keypoints, then the joints of the trunk, which no keypoint shows.
+        followed: points whose motion is smoothed: the keypoints, then the joints. A keypoint lies on the skin a few
+            centimetres off its joint, which could flicker beneath it.
         proxy: vertices spread over the body.
         soles: first S points under the left foot, then S under the right.
         surface: the vertices of `faces`.
@@ -108,7 +102,7 @@ def torch_body(
     return TorchBody(
         joints=joints,
         keypoints=keypoints,
-        followed=keypoints.joined(joints.chosen(_TRUNK)),
+        followed=keypoints.joined(joints),
         proxy=vertices(body.proxy),
         soles=vertices(body.proxy[sole_rows(body, _SOLE_POINTS)].ravel()),
         surface=vertices(rows),

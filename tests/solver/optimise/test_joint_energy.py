@@ -197,7 +197,7 @@ def test_motion_terms_do_not_shrink_the_scene(clip, body, name):
     """Calm must not be bought by smaller people: motion is measured at unit scale."""
     problem = Problem(clip, body, only(name))
     problem.look()
-    problem.energy.look(filtered=torch.zeros(2, FRAMES, 31, 3, dtype=torch.float64))
+    problem.energy.look(filtered=torch.zeros(2, FRAMES, 49, 3, dtype=torch.float64))
     moved = disturbed(problem.variables, 0.05, 0.1)
     assert problem.energy.value(moved) > 1e-6
     np.testing.assert_allclose(scale_pull(problem, moved), 0, atol=1e-9)
