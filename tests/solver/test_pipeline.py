@@ -236,7 +236,8 @@ def test_an_assumed_field_of_view_is_announced_and_recorded(stage):
     take = stage.run(fov_degrees=None)
     assert any("the field of view is estimated from the people" in note for note in stage.progress.notes)
     assert any("field of view is no calibration" in warning for warning in take.meta.warnings)
-    assert re.fullmatch(r"estimated from the people, give or take \d+ %", take.meta.camera.source)
+    source = r"estimated from the people( and the scene's edges)?, give or take \d+ %"
+    assert re.fullmatch(source, take.meta.camera.source)
     fov = 2 * np.degrees(np.arctan(WIDTH / 2 / take.meta.camera.fx))
     assert 35 < fov < 85
 

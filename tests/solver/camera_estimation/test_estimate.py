@@ -109,9 +109,9 @@ def test_keypoints_that_are_no_numbers_do_no_harm() -> None:
 
 
 def test_the_posterior_is_the_prior_without_evidence_and_sharpens_with_it() -> None:
-    flat, sharp = np.zeros(11), np.full(11, 400.0)
+    flat, sharp = np.zeros(61), np.full(61, 400.0)
     mean, sigma = posterior(flat)
     assert mean == pytest.approx(math.log(0.5 / math.tan(math.radians(27.5))), abs=5e-3)
     assert sigma == pytest.approx(PRIOR_SIGMA, rel=0.03)
-    sharp[3] = 0.0
+    sharp[18] = 0.0
     assert posterior(sharp)[1] < 0.1
