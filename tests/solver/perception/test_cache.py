@@ -1,5 +1,6 @@
 """Observations written, read, resumed and damaged; the networks are replaced by a counter."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -187,6 +188,18 @@ def test_another_video_range_or_network_starts_anew(clip: VideoClip, networks, t
     changed = open_video(clip.path)
     assert len(run(changed, networks, work)) == FRAMES
     assert networks.looked == list(range(FRAMES))
+
+
+def test_a_copied_video_is_the_same_and_a_changed_one_is_not(clip: VideoClip) -> None:
+    key = observation_key(clip, [])
+    content = clip.path.read_bytes()
+    os.utime(clip.path, (1, 1))
+    assert observation_key(clip, []) == key
+    for place in (0, len(content) // 2, len(content) - 1):
+        changed = bytearray(content)
+        changed[place] ^= 1
+        clip.path.write_bytes(changed)
+        assert observation_key(clip, []) != key, place
 
 
 def test_networks_of_one_file_name_are_told_apart(clip: VideoClip, tmp_path: Path) -> None:
