@@ -117,11 +117,10 @@ def _right_angles(directions: Array) -> Array:
     near = np.abs((directions[first] * directions[second]).sum(axis=1)) < np.sin(_RIGHT_ANGLE)
     a, b = directions[first[near]], directions[second[near]]
     c = np.cross(a, b)
-    left, _, right = np.linalg.svd(
-        np.stack([a, b, c / np.maximum(np.linalg.norm(c, axis=1, keepdims=True), 1e-9)], axis=2)
-    )
-    result: Array = left @ right
-    return result
+    c /= np.maximum(np.linalg.norm(c, axis=1, keepdims=True), 1e-9)
+    left, _, right = np.linalg.svd(np.stack([a, b, c], axis=2))
+    nearest: Array = np.einsum("bij,bjk->bik", left, right)
+    return nearest
 
 
 def _box_cost(edges: _Edges, boxes: Array, focal: float, up: Array) -> Array:
