@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core_solver.geometry import matrix_from_rotvec
-
-Segments = NDArray[np.float32]
+from core_solver.scene.edges import Segments
 
 Array = NDArray[np.float64]
 
