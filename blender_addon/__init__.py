@@ -6,16 +6,26 @@ import bpy
 from .operators.import_take import ImportTake, draw_import_entry
 from .panels.sidebar import MocapPanel
 
-_CLASSES = (ImportTake, MocapPanel)
+# In the order in which Blender shall know them: property groups before what points to them, parents before children.
+_CLASSES = (
+    ImportTake,
+    MocapPanel,
+)
+# Settings of the sidebar's sections: the type they hang on, the name there, and the property group.
+_SETTINGS: tuple[tuple[type, str, type], ...] = ()
 
 
 def register() -> None:
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
+    for owner, name, group in _SETTINGS:
+        setattr(owner, name, bpy.props.PointerProperty(type=group))
     bpy.types.TOPBAR_MT_file_import.append(draw_import_entry)
 
 
 def unregister() -> None:
     bpy.types.TOPBAR_MT_file_import.remove(draw_import_entry)
+    for owner, name, _ in reversed(_SETTINGS):
+        delattr(owner, name)
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)

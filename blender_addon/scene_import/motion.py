@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from core_solver.geometry import Similarity, matrix_from_rotvec, quaternion_from_matrix, quaternion_from_rotvec
 from core_solver.take import Person
 
+from ..retarget.skeleton import without_flips
 from .world import REST_FROM_BODY
 
 Array = NDArray[np.float64]
@@ -51,13 +52,3 @@ def pose_channels(person: Person, world: Similarity, bone_axes: Array, root_head
     rotations[:, 0] = quaternion_from_matrix(turn)
     root = world.apply(person.scale * np.asarray(person.rest_joints[0], float) + np.asarray(person.gamma, float))
     return PoseChannels(without_flips(rotations), (root - root_head) @ root_axes)
-
-
-def without_flips(quaternions: Array) -> Array:
-    """(T, ..., 4) quaternions of the same rotations, each in the half space of the one before.
-
-    q and -q are one rotation, but curves drawn from one to the other pass through others.
-    """
-    agreement = np.sum(quaternions[1:] * quaternions[:-1], axis=-1, keepdims=True)
-    signs = np.cumprod(np.where(agreement < 0, -1.0, 1.0), axis=0)
-    return np.concatenate([quaternions[:1], quaternions[1:] * signs])
