@@ -2,6 +2,7 @@
 """One person's armature: 24 bones at real size at the world's origin, moved by keys alone."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 import numpy as np
@@ -22,6 +23,12 @@ EVIDENCE = "visible_evidence"
 PRESENT_FROM, PRESENT_UNTIL = "present_from_s", "present_until_s"
 """Custom properties of the armature object: when the person is there, in seconds from the scene's frame 0, which are
 those of an exported animation. A game engine can hide the body at other times: GLB and FBX cannot."""
+
+CONTACTS = ("contact_left", "contact_right")
+"""Custom properties of the armature object: probability that the left and the right foot stand on something."""
+
+CONFIDENCE = "confidence"
+"""Custom property of the armature object: how sure the solver is of the pose, 0..1, the mean over the joints."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +82,7 @@ def animate_rig(rig: Rig, person: Person, world: Similarity) -> None:
     channels = pose_channels(person, world, rest[:, :3, :3], rest[0, :3, 3])
     curves = [
         *_bone_curves(rig, channels),
-        _flag_curve(obj, EVIDENCE, person.valid, "1 where seen, 0 where filled in"),
-        _flag_curve(obj, PRESENT, presence(person.valid), "1 from the first to the last frame seen"),
+        *_evidence_curves(obj, person),
     ]
     write_action(obj, f"{obj.name} motion", frame_numbers(len(person.theta)), curves)
 
@@ -107,9 +113,23 @@ def _bone_curves(rig: Rig, channels: PoseChannels) -> list[Curves]:
     return curves
 
 
-def _flag_curve(obj: bpy.types.Object, name: str, flags: NDArray[np.bool_], description: str) -> Curves:
-    """Give an object a custom property that is 0 or 1, and make its curve."""
-    values = np.asarray(flags, float)
+def _evidence_curves(obj: bpy.types.Object, person: Person) -> list[Curves]:
+    left, right = np.moveaxis(np.asarray(person.contacts, float), -1, 0)
+    flag, share = "CONSTANT", "LINEAR"
+    return [
+        _property_curve(obj, EVIDENCE, person.valid, flag, "1 where seen, 0 where filled in"),
+        _property_curve(obj, PRESENT, presence(person.valid), flag, "1 from the first to the last frame seen"),
+        _property_curve(obj, CONTACTS[0], left, share, "Probability that the left foot stands on something"),
+        _property_curve(obj, CONTACTS[1], right, share, "Probability that the right foot stands on something"),
+        _property_curve(obj, CONFIDENCE, person.confidence.mean(axis=1), share, "How sure the solver is of the pose"),
+    ]
+
+
+def _property_curve(
+    obj: bpy.types.Object, name: str, numbers: NDArray[Any], interpolation: str, description: str
+) -> Curves:
+    """Give an object a custom property between 0 and 1, and make its curve."""
+    values = np.asarray(numbers, float)
     obj[name] = float(values[0])
     obj.id_properties_ui(name).update(min=0.0, max=1.0, description=description)
-    return Curves(f'["{name}"]', values[:, None], "Evidence", "CONSTANT")
+    return Curves(f'["{name}"]', values[:, None], "Evidence", interpolation)

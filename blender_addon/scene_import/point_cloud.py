@@ -16,6 +16,9 @@ from core_solver.take import CameraModel, Scene
 
 COLOUR = "Col"
 RADIUS = "radius"
+MARK = "scene_points"
+"""Custom property by which a cloud's object is known as one, whatever its name."""
+
 _NAME = "Scene cloud"
 
 
@@ -42,6 +45,7 @@ def build_cloud(
     radii.data.foreach_set("value", point_radii(scene, camera))
     mesh.update()
     obj = bpy.data.objects.new(_NAME, mesh)
+    obj[MARK] = 1
     collection.objects.link(obj)
     material = _colour_material()
     mesh.materials.append(material)

@@ -61,17 +61,21 @@ def test_people_carry_their_facts(import_spec: Importer, bpy: Any) -> None:
         assert armature["height_m"] == pytest.approx(person.height_m)
         assert armature["body_model"] == take.meta.body_model
         assert armature["body_licence"] == take.meta.body_licence
-        seen = []
+        names = ("visible_evidence", "contact_left", "contact_right", "confidence")
+        told = []
         for frame in range(1, take.frame_count + 1):
             bpy.context.scene.frame_set(frame)
-            seen.append(armature["visible_evidence"])
-        assert np.array_equal(np.array(seen) > 0.5, person.valid)
+            told.append([armature[name] for name in names])
+        seen, left, right, confidence = np.array(told).T
+        assert np.array_equal(seen > 0.5, person.valid)
         assert 0 < person.valid.sum() < take.frame_count
+        assert np.allclose(np.stack([left, right], axis=1), person.contacts, atol=1e-6)
+        assert np.allclose(confidence, person.confidence.mean(axis=1), atol=1e-6)
 
 
 def test_points_lie_on_the_ground_with_the_takes_colours(import_spec: Importer, bpy: Any) -> None:
     take = import_spec(TakeSpec(people=0, points=600))
-    cloud = bpy.data.objects["Scene cloud"]
+    (cloud,) = (obj for obj in bpy.context.scene.collection.all_objects if obj.get("scene_points") == 1)
     evaluated = cloud.evaluated_get(bpy.context.evaluated_depsgraph_get())
     colours = np.empty(4 * 600, np.float32)
     cloud.data.color_attributes["Col"].data.foreach_get("color_srgb", colours)
