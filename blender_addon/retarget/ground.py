@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ground under people's feet, out of a scene's points: floors, slopes, stairs and boxes, but no walls. numpy only.
+
+Points are gathered into columns, and in each column into surfaces: points that follow each other closely in height. A
+surface carries a foot when it is thin (a wall's are tall), not steep and has free space above it. Each such surface
+becomes a small plane fitted to its neighbourhood, and the ground at a place is the blend of the planes around it. The
+same is done in coarser and coarser columns for places where fewer points were seen.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Widths of the columns, metres, each tried where the finer ones hold nothing: the last spans holes of over a metre.
+_WIDTHS = (0.05, 0.1, 0.2, 0.4, 0.8)
+STEP = 0.35
+"""How far, metres, the ground may lie above or below where it is expected: two stairs, a chair's seat is too high."""
+_STOREY = 2.2
+"""Without an expected height only surfaces up to here are grounds: above is the ceiling."""
+
+_FARTHEST = 1000.0  # metres from the world's origin: what is farther off is no place to stand
+_GAP = 0.06  # metres of empty height between two surfaces of one column
+_THIN = 0.04  # metres: spread in height of a level surface's points, their noise included
+_STEEPEST = 1.0  # a slope of 45 degrees
+_CLEARANCE = 0.6  # metres that must be free above a surface for a leg to stand there
+_CROWD = 0.5  # so many points above for each point of a surface bury it; stray ones do not
+# Neighbours belong to one surface up to this difference in height, metres, and this slope: stairs rise by more.
+_NEAR, _NEAR_SLOPE = 0.04, 0.5
+_TRUSTED = 10  # points that make a column as good as any: dense places shall not outweigh the rest of a neighbourhood
+_STIFFNESS = 0.5  # of planes against tilting where the neighbourhood is no wider than a column
+
+
+@dataclass(frozen=True)
+class _Surfaces:
+    """Surfaces of all columns of one width, sorted by column and then by height.
+
+    Attributes:
+        width: of a column, metres.
+        keys: (N,) column and height as one number.
+        centres: (N, 3) mean of the points.
+        counts: (N,) of points.
+        spreads: (N,) standard deviation of the points' heights.
+        slopes: (N, 2) of the height along x and y.
+    """
+
+    width: float
+    keys: Indices
+    centres: Array
+    counts: Array
+    spreads: Array
+    slopes: Array
+
+    def pick(self, chosen: NDArray[np.bool_]) -> "_Surfaces":
+        """Some of the surfaces."""
+        arrays = (self.keys, self.centres, self.counts, self.spreads, self.slopes)
+        return _Surfaces(self.width, *(array[chosen] for array in arrays))
+
+    def columns(self, xy: Array) -> Indices:
+        """(..., 2) the column over each place."""
+        return np.floor(xy / self.width).astype(np.int64)
+
+    def nearest(self, columns: Indices, heights: Array) -> Indices:
+        """(...) the surface of a column that is nearest to a height; -1 in empty columns.
+
+        Args:
+            columns: (..., 2).
+            heights: (...) metres.
+        """
+        if not len(self.keys):
+            return np.full(heights.shape, -1)
+        wanted = _key(columns, heights)
+        after = np.searchsorted(self.keys, wanted)
+        best = np.full(heights.shape, -1)
+        closest = np.full(heights.shape, np.inf)
+        for candidate in (after - 1, after):
+            place = np.clip(candidate, 0, len(self.keys) - 1)
+            away = np.abs(self.centres[place, 2] - heights)
+            better = (self.keys[place] >> _HEIGHT_BITS == wanted >> _HEIGHT_BITS) & (away < closest)
+            best, closest = np.where(better, place, best), np.where(better, away, closest)
+        return best
+
+
+_HEIGHT_BITS, _COLUMN_BITS = 22, 20
+
+
+def _key(columns: Indices, heights: Array) -> Indices:
+    """One number per column and height: sorted by them it is sorted by column and, inside, by millimetres."""
+    millimetres = np.clip((heights + 2 * _FARTHEST) * 1000, 0, (1 << _HEIGHT_BITS) - 1).astype(np.int64)
+    middle = 1 << (_COLUMN_BITS - 1)
+    x, y = np.clip(columns + middle, 0, 2 * middle - 1)[..., 0], np.clip(columns + middle, 0, 2 * middle - 1)[..., 1]
+    return (((x << _COLUMN_BITS) | y) << _HEIGHT_BITS) | millimetres
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Heights that feet can stand on.
+
+    Attributes:
+        levels: the surfaces seen, in finer columns first; empty for a plane.
+        plane: height where nothing was seen, metres.
+    """
+
+    levels: tuple[_Surfaces, ...]
+    plane: float = 0.0
+
+    @classmethod
+    def flat(cls, z: float = 0.0) -> "Ground":
+        """A level plane."""
+        return cls((), z)
+
+    @classmethod
+    def from_points(cls, points: ArrayLike) -> "Ground":
+        """The ground of a scene that was seen as points.
+
+        Args:
+            points: (P, 3) world, metres; those that are not finite are left out.
+        """
+        points = np.asarray(points, float).reshape(-1, 3)
+        points = points[(np.abs(points) < _FARTHEST).all(axis=1)]
+        if not len(points):
+            return cls.flat()
+        levels = []
+        seen = _gather(_WIDTHS[0], points, np.ones(len(points)), np.zeros(len(points)))
+        for width in _WIDTHS:
+            if width > seen.width:
+                seen = _gather(width, seen.centres, seen.counts, seen.spreads)
+            levels.append(_walkable(seen))
+        return cls(tuple(levels))
+
+    def height(self, xy: ArrayLike, near_z: ArrayLike | None = None) -> Array:
+        """The ground's height.
+
+        Of several surfaces above each other the one nearest to `near_z` counts, no farther from it than `STEP`.
+
+        Args:
+            xy: (..., 2) places, metres.
+            near_z: (...) where the ground is expected, such as the height of a sole; without it the surface nearest
+                to z = 0 counts, up to a storey above or below.
+
+        Returns:
+            (...) metres; the plane's height where nothing was seen.
+        """
+        xy = np.asarray(xy, float)
+        expected = np.zeros(xy.shape[:-1]) if near_z is None else np.broadcast_to(near_z, xy.shape[:-1]).astype(float)
+        reach = _STOREY if near_z is None else STEP
+        places, wanted = xy.reshape(-1, 2), expected.reshape(-1)
+        heights = np.full(len(places), float(self.plane))
+        open_ = np.arange(len(places))
+        for level in self.levels:
+            found, surface = _blend(level, places[open_], wanted[open_], reach)
+            heights[open_[found]] = surface[found]
+            open_ = open_[~found]
+        return heights.reshape(expected.shape)
+
+
+def _gather(width: float, points: Array, counts: Array, spreads: Array) -> _Surfaces:
+    """Surfaces out of points, or out of the surfaces of finer columns with their counts and spreads."""
+    keys = _key(np.floor(points[:, :2] / width).astype(np.int64), points[:, 2])
+    order = np.argsort(keys)
+    keys, points, counts, spreads = keys[order], points[order], counts[order], spreads[order]
+    same_column = keys[1:] >> _HEIGHT_BITS == keys[:-1] >> _HEIGHT_BITS
+    # A coarse column of a slope holds the heights of its whole width.
+    close = np.diff(points[:, 2]) < max(_GAP, width * _NEAR_SLOPE)
+    starts = np.flatnonzero(np.concatenate([[True], ~(same_column & close)]))
+    total = np.add.reduceat(counts, starts)
+    centres = np.add.reduceat(points * counts[:, None], starts) / total[:, None]
+    away = points[:, 2] - np.repeat(centres[:, 2], np.diff(np.append(starts, len(points))))
+    variance = np.add.reduceat(counts * (spreads**2 + away**2), starts) / total
+    # The key follows the mean height; surfaces of a column do not overlap, so the order stays.
+    keys = _key(np.floor(centres[:, :2] / width).astype(np.int64), centres[:, 2])
+    return _Surfaces(width, keys, centres, total, np.sqrt(variance), np.zeros((len(starts), 2)))
+
+
+def _walkable(seen: _Surfaces) -> _Surfaces:
+    """Those surfaces that carry a foot, as planes fitted to their neighbourhood."""
+    # Inside a column a slope has its own spread: that of a uniform distribution over the rise.
+    thin = seen.spreads**2 < _THIN**2 + (_STEEPEST * seen.width) ** 2 / 12
+    kept = seen.pick(thin & ~_buried(seen))
+    fitted = _fit_planes(kept)
+    return fitted.pick(np.linalg.norm(fitted.slopes, axis=1) < _STEEPEST)
+
+
+def _buried(seen: _Surfaces) -> NDArray[np.bool_]:
+    """(N,) whether a column goes on right above a surface, as those of walls and of people do."""
+    columns = seen.columns(seen.centres[:, :2])
+    below = np.concatenate([[0.0], np.cumsum(seen.counts)])
+    top = np.searchsorted(seen.keys, _key(columns, seen.centres[:, 2] + _CLEARANCE), side="right")
+    above = below[top] - below[1:]
+    return above > _CROWD * seen.counts
+
+
+def _fit_planes(surfaces: _Surfaces) -> _Surfaces:
+    """Smooth heights and slopes by planes through the 5 x 5 columns around, as far as they belong together."""
+    centres = surfaces.centres
+    normal = np.zeros((len(centres), 3, 3))
+    right = np.zeros((len(centres), 3))
+    for found, neighbour in _neighbours(surfaces, centres[:, :2], centres[:, 2], 2):
+        step = centres[neighbour] - centres
+        apart = np.linalg.norm(step[:, :2], axis=1)
+        same = found & (np.abs(step[:, 2]) < _NEAR + _NEAR_SLOPE * apart)
+        weight = same * np.minimum(surfaces.counts[neighbour], _TRUSTED)
+        terms = np.concatenate([np.ones((len(step), 1)), step[:, :2]], axis=1)
+        normal += weight[:, None, None] * terms[:, :, None] * terms[:, None, :]
+        right += (weight * step[:, 2])[:, None] * terms
+    # A lone surface says nothing about its slope: it stays level.
+    normal[:, (1, 2), (1, 2)] += _STIFFNESS * normal[:, :1, 0] * surfaces.width**2 / 12 + 1e-9
+    plane = np.linalg.solve(normal, right[..., None])[..., 0]
+    smooth = centres + plane[:, :1] * [0.0, 0.0, 1.0]
+    return _Surfaces(surfaces.width, surfaces.keys, smooth, surfaces.counts, surfaces.spreads, plane[:, 1:])
+
+
+def _neighbours(surfaces: _Surfaces, xy: Array, heights: Array, rings: int):  # noqa: ANN202
+    """For each column of the rings around places: where there is a surface, and the one nearest to the height."""
+    columns = surfaces.columns(xy)
+    for x in range(-rings, rings + 1):
+        for y in range(-rings, rings + 1):
+            neighbour = surfaces.nearest(columns + np.array([x, y]), heights)
+            yield neighbour >= 0, neighbour
+
+
+def _blend(level: _Surfaces, xy: Array, wanted: Array, reach: float) -> tuple[NDArray[np.bool_], Array]:
+    """Where a level knows the ground, and the blend of the planes there that continue the closest of them."""
+    anchor = np.full(len(xy), np.nan)
+    closest = np.full(len(xy), np.inf)
+    for found, neighbour in _neighbours(level, xy, wanted, 1):
+        here = found & (np.abs(level.centres[neighbour, 2] - wanted) < reach)
+        away = np.where(here, np.linalg.norm(level.centres[neighbour, :2] - xy, axis=1), np.inf)
+        anchor = np.where(away < closest, _at(level, neighbour, xy), anchor)
+        closest = np.minimum(away, closest)
+    total, weighed = np.zeros(len(xy)), np.zeros(len(xy))
+    for found, neighbour in _neighbours(level, xy, np.nan_to_num(anchor), 1):
+        surface = _at(level, neighbour, xy)
+        away = np.linalg.norm(level.centres[neighbour, :2] - xy, axis=1) / level.width
+        weight = (found & (np.abs(surface - anchor) < _NEAR + _NEAR_SLOPE * level.width)) * np.exp(-(away**2))
+        total += weight
+        weighed += weight * surface
+    return total > 0, weighed / np.maximum(total, 1e-300)
+
+
+def _at(level: _Surfaces, surfaces: Indices, xy: Array) -> Array:
+    """(Q,) heights of surfaces' planes over places."""
+    centres = level.centres[surfaces]
+    return centres[:, 2] + np.sum(level.slopes[surfaces] * (xy - centres[:, :2]), axis=1)
