@@ -67,11 +67,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def solve(options: argparse.Namespace) -> int:
     """Video in, take out, and a summary."""
     _check_solve(options)
-    from core_solver.console import BarProgress  # noqa: PLC0415 - keeps --help and bad input fast
+    from core_solver.console import BarProgress, JsonProgress  # noqa: PLC0415 - keeps --help and bad input fast
     from core_solver.inspection import describe, take_facts  # noqa: PLC0415
     from core_solver.pipeline import SolveOptions, solve_video  # noqa: PLC0415
 
-    progress = BarProgress()
+    progress = JsonProgress() if options.progress == "json" else BarProgress()
     wanted = {name: getattr(options, name) for name in SolveOptions.__dataclass_fields__ if hasattr(options, name)}
     take = solve_video(SolveOptions(**wanted), progress)
     for line in describe(take_facts(take, options.output)):
@@ -217,6 +217,9 @@ def _add_solve(commands: Commands) -> argparse.ArgumentParser:
     parser.add_argument("--resume", action="store_true", help="go on from what an earlier run has kept in TAKE.work")
     parser.add_argument("--body", type=Path, metavar="FILE", help="your own SMPL file (.npz or .pkl)")
     parser.add_argument("--preset", choices=tuple(_PRESETS), default="fast", help="how to solve; see below")
+    parser.add_argument(
+        "--progress", choices=("bars", "json"), default="bars", help="bars for people, or one JSON object a line"
+    )
     parser.set_defaults(
         run=solve, stopped="stopped: an older take is untouched; give the same command with --resume to go on"
     )

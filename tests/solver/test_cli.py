@@ -10,7 +10,7 @@ import pytest
 
 import core_solver
 from core_solver import cli
-from core_solver.console import BarProgress
+from core_solver.console import BarProgress, JsonProgress
 from core_solver.errors import VideoError
 from core_solver.optimise.presets import PRESETS
 from core_solver.pipeline import SolveOptions
@@ -316,6 +316,25 @@ def test_progress_lines_for_programs():
     assert lines[0] == "people: started"
     assert [line.split(" %")[0] for line in lines[1:-1]] == [f"people: {p}" for p in range(10, 101, 10)]
     assert lines[-1] == "a remark"
+
+
+def test_progress_as_json_tells_the_beginning_the_end_and_little_between(monkeypatch):
+    now = iter(np.arange(0, 100, 0.01))
+    monkeypatch.setattr("core_solver.console.time.monotonic", lambda: next(now))
+    stream = io.StringIO()
+    progress = JsonProgress(stream)
+    with progress.stage("people", 1000) as advance:
+        for _ in range(1000):
+            advance(1)
+    progress.note("a remark\nof two lines")
+    events = [json.loads(line) for line in stream.getvalue().splitlines()]
+    assert events[0] == {"stage": "people", "done": 0, "total": 1000}
+    assert events[-2] == {"stage": "people", "done": 1000, "total": 1000}
+    assert events[-1] == {"note": "a remark\nof two lines"}
+    done = [event["done"] for event in events[:-1]]
+    assert done == sorted(done)
+    assert 20 < len(done) < 100
+    assert list(progress.seconds) == ["people"]
 
 
 def test_progress_bar_on_a_terminal_shows_the_stage_and_what_is_left():
