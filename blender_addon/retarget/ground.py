@@ -7,6 +7,7 @@ becomes a small plane fitted to its neighbourhood, and the ground at a place is 
 same is done in coarser and coarser columns for places where fewer points were seen.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -213,7 +214,9 @@ def _fit_planes(surfaces: _Surfaces) -> _Surfaces:
     return _Surfaces(surfaces.width, surfaces.keys, smooth, surfaces.counts, surfaces.spreads, plane[:, 1:])
 
 
-def _neighbours(surfaces: _Surfaces, xy: Array, heights: Array, rings: int):  # noqa: ANN202
+def _neighbours(
+    surfaces: _Surfaces, xy: Array, heights: Array, rings: int
+) -> Iterator[tuple[NDArray[np.bool_], Indices]]:
     """For each column of the rings around places: where there is a surface, and the one nearest to the height."""
     columns = surfaces.columns(xy)
     for x in range(-rings, rings + 1):
