@@ -57,8 +57,14 @@ class _Surfaces:
 
     def pick(self, chosen: NDArray[np.bool_]) -> "_Surfaces":
         """Some of the surfaces."""
-        arrays = (self.keys, self.centres, self.counts, self.spreads, self.slopes)
-        return _Surfaces(self.width, *(array[chosen] for array in arrays))
+        return _Surfaces(
+            self.width,
+            self.keys[chosen],
+            self.centres[chosen],
+            self.counts[chosen],
+            self.spreads[chosen],
+            self.slopes[chosen],
+        )
 
     def columns(self, xy: Array) -> Indices:
         """(..., 2) the column over each place."""
@@ -209,7 +215,7 @@ def _fit_planes(surfaces: _Surfaces) -> _Surfaces:
         right += (weight * step[:, 2])[:, None] * terms
     # A lone surface says nothing about its slope: it stays level.
     normal[:, (1, 2), (1, 2)] += _STIFFNESS * normal[:, :1, 0] * surfaces.width**2 / 12 + 1e-9
-    plane = np.linalg.solve(normal, right[..., None])[..., 0]
+    plane = np.asarray(np.linalg.solve(normal, right[..., None])[..., 0], np.float64)
     smooth = centres + plane[:, :1] * [0.0, 0.0, 1.0]
     return _Surfaces(surfaces.width, surfaces.keys, smooth, surfaces.counts, surfaces.spreads, plane[:, 1:])
 
