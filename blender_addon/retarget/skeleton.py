@@ -45,6 +45,13 @@ class Skeleton:
         """Place of a bone; raises ValueError for an unknown one."""
         return self.names.index(name)
 
+    def below(self, bone: int) -> NDArray[np.bool_]:
+        """(B,) which bones hang on one, itself included."""
+        found = np.arange(len(self.names)) == bone
+        for child, parent in enumerate(self.parents):
+            found[child] |= parent >= 0 and found[parent]
+        return found
+
 
 @dataclass(frozen=True)
 class Motion:
