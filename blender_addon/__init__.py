@@ -3,13 +3,14 @@
 
 import bpy
 
-from .operators.import_take import ImportTake, draw_import_entry
-from .panels.sidebar import MocapPanel
+from .operators.import_take import ImportTake, TakeDrop, draw_import_entry
+from .panels.import_section import ImportPanel
 
 # In the order in which Blender shall know them: property groups before what points to them, parents before children.
 _CLASSES = (
     ImportTake,
-    MocapPanel,
+    TakeDrop,
+    ImportPanel,
 )
 # Settings of the sidebar's sections: the type they hang on, the name there, and the property group.
 _SETTINGS: tuple[tuple[type, str, type], ...] = ()

@@ -12,10 +12,10 @@ from core_solver.geometry import Similarity
 from core_solver.take import Meta, Person
 
 from .actions import Curves, write_action
+from .clock import Clock
 from .motion import PoseChannels, pose_channels
 from .presence import PRESENT, presence
 from .rest_pose import RestPose
-from .world import FIRST_FRAME, frame_numbers
 
 EVIDENCE = "visible_evidence"
 """Custom property of the armature object: 1 where the person was seen, 0 where the motion was filled in."""
@@ -70,21 +70,28 @@ def build_rig(
     obj["height_m"] = person.height_m
     obj["body_model"] = meta.body_model
     obj["body_licence"] = meta.body_licence
-    there = np.flatnonzero(presence(person.valid))[[0, -1]] + FIRST_FRAME
-    obj[PRESENT_FROM], obj[PRESENT_UNTIL] = (there / float(meta.frame_rate)).tolist()
     return Rig(obj, bones)
 
 
-def animate_rig(rig: Rig, person: Person, world: Similarity) -> None:
-    """Key the person's motion: rotations on every bone, the path through the world on the pelvis."""
+def animate_rig(rig: Rig, person: Person, world: Similarity, clock: Clock) -> None:
+    """Key the person's motion: rotations on every bone, the path through the world on the pelvis.
+
+    Args:
+        rig: from `build_rig`.
+        person: at the clock's moments.
+        world: camera frame to world.
+        clock: the scene frames of the keys.
+    """
     obj = rig.object
+    there = np.flatnonzero(presence(person.valid))
+    obj[PRESENT_FROM], obj[PRESENT_UNTIL] = (clock.seconds(int(frame)) for frame in there[[0, -1]])
     rest = np.array([obj.data.bones[name].matrix_local for name in rig.bones], float)
     channels = pose_channels(person, world, rest[:, :3, :3], rest[0, :3, 3])
     curves = [
         *_bone_curves(rig, channels),
         *_evidence_curves(obj, person),
     ]
-    write_action(obj, f"{obj.name} motion", frame_numbers(len(person.theta)), curves)
+    write_action(obj, f"{obj.name} motion", clock.frames, curves)
 
 
 def _lay_bones(context: bpy.types.Context, obj: bpy.types.Object, meta: Meta, rest: RestPose) -> tuple[str, ...]:

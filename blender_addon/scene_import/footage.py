@@ -12,7 +12,7 @@ from core_solver.take import CameraModel, Meta
 
 from .actions import Curves, write_action
 from .camera import SENSOR_WIDTH_MM
-from .world import FIRST_FRAME, frame_numbers
+from .clock import Clock
 
 # A smaller or larger copy of the video is welcome as long as its shape is the same.
 _SHAPE_TOLERANCE = 0.01
@@ -40,7 +40,7 @@ def find_footage(take_path: Path, video_name: str, chosen: str) -> Path:
     return path
 
 
-def show_footage(camera: bpy.types.Object, path: Path, meta: Meta, frame_count: int) -> bpy.types.MovieClip:
+def show_footage(camera: bpy.types.Object, path: Path, meta: Meta, clock: Clock) -> bpy.types.MovieClip:
     """Put the video behind the camera's view, frame by frame in step with the take.
 
     Raises:
@@ -48,7 +48,7 @@ def show_footage(camera: bpy.types.Object, path: Path, meta: Meta, frame_count: 
     """
     clip = _load(path, meta.camera)
     _set_lens(clip, meta.camera)
-    _set_timing(clip, meta, frame_count)
+    _set_timing(clip, meta, clock)
     background = camera.data.background_images.new()
     background.source = "MOVIE_CLIP"
     background.clip = clip
@@ -59,14 +59,13 @@ def show_footage(camera: bpy.types.Object, path: Path, meta: Meta, frame_count: 
     return clip
 
 
-def clip_starts(meta: Meta, frame_count: int) -> NDArray[np.float64]:
-    """(T,) scene frame at which the clip must start so that each frame of the scene shows the take's own video frame.
+def clip_starts(meta: Meta, clock: Clock) -> NDArray[np.float64]:
+    """(N,) scene frame at which the clip must start so that each frame of the scene shows the take's own video frame.
 
     Blender shows video frame (scene frame - start), counted from 0. A take of every frame has one start for all; one
-    that skips video frames needs a start that moves, since a clip has no speed of its own.
+    that skips video frames, or plays at another rate, needs a start that moves, since a clip has no speed of its own.
     """
-    frames = frame_numbers(frame_count)
-    return frames - (meta.first_frame + meta.frame_step * (frames - FIRST_FRAME))
+    return clock.frames - np.floor(meta.first_frame + meta.frame_step * clock.moments + 0.5)
 
 
 def _load(path: Path, camera: CameraModel) -> bpy.types.MovieClip:
@@ -105,9 +104,9 @@ def _set_lens(clip: bpy.types.MovieClip, camera: CameraModel) -> None:
     lens.brown_p1, lens.brown_p2 = p2, -p1
 
 
-def _set_timing(clip: bpy.types.MovieClip, meta: Meta, frame_count: int) -> None:
-    starts = clip_starts(meta, frame_count)
+def _set_timing(clip: bpy.types.MovieClip, meta: Meta, clock: Clock) -> None:
+    starts = clip_starts(meta, clock)
     clip.frame_start = int(starts[0])
-    if meta.frame_step != 1:
+    if np.ptp(starts) > 0:
         curve = Curves("frame_start", starts[:, None], "Footage")
-        write_action(clip, f"{clip.name} speed", frame_numbers(frame_count), [curve])
+        write_action(clip, f"{clip.name} speed", clock.frames, [curve])

@@ -10,7 +10,7 @@ from core_solver.geometry import Similarity, matrix_from_rotvec, quaternion_from
 from core_solver.take import Person
 
 from ..retarget.skeleton import without_flips
-from .world import REST_FROM_BODY
+from .world import REST_FROM_BODY, root_path
 
 Array = NDArray[np.float64]
 
@@ -50,5 +50,4 @@ def pose_channels(person: Person, world: Similarity, bone_axes: Array, root_head
     root_axes = bone_axes[0]
     turn = root_axes.T @ world.rotation @ matrix_from_rotvec(theta[:, 0]) @ REST_FROM_BODY.T @ root_axes
     rotations[:, 0] = quaternion_from_matrix(turn)
-    root = world.apply(person.scale * np.asarray(person.rest_joints[0], float) + np.asarray(person.gamma, float))
-    return PoseChannels(without_flips(rotations), (root - root_head) @ root_axes)
+    return PoseChannels(without_flips(rotations), (root_path(person, world) - root_head) @ root_axes)

@@ -6,6 +6,7 @@ in the material preview and in renders.
 """
 
 import math
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -51,6 +52,18 @@ def build_cloud(
     mesh.materials.append(material)
     obj.modifiers.new("Points", "NODES").node_group = _points_from_mesh(material)
     return obj
+
+
+def thinned(scene: Scene, density: float) -> Scene:
+    """The scene with a share of its points, spread evenly: the same ones every time, and all of them among more.
+
+    Args:
+        scene: P points.
+        density: share of the points to keep, 0..1.
+    """
+    count = len(scene.points)
+    kept = np.sort(np.random.default_rng(0).permutation(count)[: round(density * count)])
+    return replace(scene, points=scene.points[kept], colors=scene.colors[kept])
 
 
 def point_radii(scene: Scene, camera: CameraModel) -> NDArray[np.float32]:

@@ -5,33 +5,44 @@ import math
 from fractions import Fraction
 
 import bpy
+import numpy as np
 
-from .world import FIRST_FRAME
+from .clock import Clock
 
 # Blender shows whole rates up to this; larger numerators are such as 30000/1001.
 _LARGEST_WHOLE_RATE = 240
+# Largest denominator of the bases that rates are split into: 1001/1000, 1000/999, ...
+_FINEST_BASE = 10_000
 
 
-def set_clock(scene: bpy.types.Scene, rate: Fraction, frame_count: int) -> None:
-    """Make the scene run at the take's rate, from its first frame to its last.
+def set_clock(scene: bpy.types.Scene, clock: Clock) -> None:
+    """Make the scene run at a clock's rate, from its first frame to its last.
 
     Where things moved before, the range grows to hold them too.
     """
-    start, end = FIRST_FRAME, FIRST_FRAME + frame_count - 1
+    start, end = clock.start, clock.end
     if _has_motion(scene):
         start, end = min(start, scene.frame_start), max(end, scene.frame_end)
-    scene.render.fps, scene.render.fps_base = split_rate(rate)
+    if rate_of(scene) != clock.rate:
+        scene.render.fps, scene.render.fps_base = split_rate(clock.rate)
     scene.frame_start, scene.frame_end = start, end
-    scene.frame_set(FIRST_FRAME)
+    scene.frame_set(clock.start)
 
 
 def clock_notes(scene: bpy.types.Scene, rate: Fraction) -> list[str]:
     """What to tell a user whose scene moves at another rate than a take's; to be asked before `set_clock`."""
-    old = scene.render.fps / scene.render.fps_base
+    old = float(rate_of(scene))
     if not _has_motion(scene) or math.isclose(old, rate, rel_tol=1e-6):
         return []
     change = f"The scene ran at {old:.6g} frames per second and now runs at the take's {float(rate):.6g}"
     return [f"{change}: its older motion plays at the new rate."]
+
+
+def rate_of(scene: bpy.types.Scene) -> Fraction:
+    """Frames per second of a scene, as the fraction that was meant: Blender keeps 1001/1000 in single precision."""
+    base = scene.render.fps_base
+    meant = Fraction(base).limit_denominator(_FINEST_BASE)
+    return scene.render.fps / (meant if np.float32(float(meant)) == np.float32(base) else Fraction(base))
 
 
 def _has_motion(scene: bpy.types.Scene) -> bool:

@@ -75,7 +75,7 @@ def make_take(spec: TakeSpec) -> Take:
         solver_version="0.1.0",
         warnings=("The depth is made up.",),
     )
-    times = (spec.first_frame + spec.frame_step * np.arange(spec.frames)) / (30000 / 1001)
+    times = (spec.first_frame / spec.frame_step + np.arange(spec.frames)) / float(spec.rate)
     return Take(meta, times, people, _scene(rng, spec, up))
 
 

@@ -35,7 +35,7 @@ def test_file_import_menu_has_the_entry(bpy: Any) -> None:
 
 
 def test_panel_tells_about_the_active_person(bpy: Any, addon: Any, tmp_path: Path) -> None:
-    panel = addon("panels.sidebar").MocapPanel
+    panel = addon("panels.import_section").ImportPanel
     take = make_take(TakeSpec(people=1, points=8))
     empty = SimpleNamespace(layout=Layout())
     panel.draw(empty, SimpleNamespace(object=None))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Mocap tab of the 3D view's sidebar."""
+"""The sidebar's section that brings takes in and tells about the person at hand."""
 
 import bpy
 
@@ -7,12 +7,13 @@ from ..operators.import_take import ImportTake
 from ..scene_import.armature import PRESENT_FROM, PRESENT_UNTIL
 
 
-class MocapPanel(bpy.types.Panel):
-    bl_idname = "VIEW3D_PT_scene_aware_mocap"
-    bl_label = "Scene-Aware Mocap"
+class ImportPanel(bpy.types.Panel):
+    bl_idname = "VIEW3D_PT_scene_aware_mocap_import"
+    bl_label = "Import"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Mocap"
+    bl_order = 1
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.operator(ImportTake.bl_idname, text="Import Take", icon="IMPORT")
