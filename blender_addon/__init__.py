@@ -4,16 +4,27 @@
 import bpy
 
 from .operators.import_take import ImportTake, TakeDrop, draw_import_entry
+from .operators.solve_video import CancelSolve, SolveVideo
 from .panels.import_section import ImportPanel
+from .panels.solve import SolvePanel
+from .preferences import CheckSolver, MocapPreferences
+from .settings.solve import SolveSettings
+from .solving import watch
 
 # In the order in which Blender shall know them: property groups before what points to them, parents before children.
 _CLASSES = (
+    MocapPreferences,
+    CheckSolver,
+    SolveSettings,
+    SolveVideo,
+    CancelSolve,
+    SolvePanel,
     ImportTake,
     TakeDrop,
     ImportPanel,
 )
 # Settings of the sidebar's sections: the type they hang on, the name there, and the property group.
-_SETTINGS: tuple[tuple[type, str, type], ...] = ()
+_SETTINGS: tuple[tuple[type, str, type], ...] = ((bpy.types.Scene, "mocap_solve", SolveSettings),)
 
 
 def register() -> None:
@@ -25,6 +36,7 @@ def register() -> None:
 
 
 def unregister() -> None:
+    watch.stop()
     bpy.types.TOPBAR_MT_file_import.remove(draw_import_entry)
     for owner, name, _ in reversed(_SETTINGS):
         delattr(owner, name)
