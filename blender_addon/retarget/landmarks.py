@@ -59,7 +59,7 @@ def landmark(skeleton: Skeleton, bone: int, point: Array) -> Landmark:
 
 def floor_at_rest(skeleton: Skeleton, bone_map: BoneMap) -> float:
     """The height in the world on which a skeleton stands at rest, metres."""
-    feet = [i for i in _bones(skeleton, bone_map, "foot") + _bones(skeleton, bone_map, "toe")]
+    feet = _bones(skeleton, bone_map, "foot") + _bones(skeleton, bone_map, "toe")
     lowest = min(float(min(skeleton.heads[i, 2], skeleton.tails[i, 2])) for i in feet)
     origin = float(skeleton.to_world.translation[2])
     hips = bone_map.bone("hips")

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A body as capsules: the lines between its joints, with a girth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .bone_map import BoneMap
+from .roles import SIDES, SPINE
+from .skeleton import Motion, Skeleton
+
+Array = NDArray[np.float64]
+
+# Radius of each part of a body in heights of the body: an adult's girth, clothes left out.
+_LIMBS = {
+    "upper_arm": ("forearm", 0.027),
+    "forearm": ("hand", 0.022),
+    "thigh": ("shin", 0.045),
+    "shin": ("foot", 0.03),
+}
+_TRUNK_RADIUS, _HEAD_RADIUS = 0.07, 0.055
+# From the ankle to the joint below the skull, in heights of the body.
+_ANKLE_TO_HEAD = 0.84
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One capsule.
+
+    Attributes:
+        role: part of the body: "trunk", "head", "left_forearm", ...
+        start, end: bones at whose heads the line begins and ends; `end` may be `start` for its own tail.
+        radius: metres.
+    """
+
+    role: str
+    start: int
+    end: int
+    radius: float
+
+
+def height(skeleton: Skeleton, bone_map: BoneMap) -> float:
+    """A body's height, told from its joints at rest: hardly depends on how a rig's last bones are drawn; metres."""
+    feet = [skeleton.heads[skeleton.index(name), 2] for side in SIDES if (name := bone_map.bone(f"{side}_foot"))]
+    top = bone_map.bone("head")
+    if top is None or not feet:
+        raise ValueError("a humanoid needs a head and feet")
+    return float(skeleton.heads[skeleton.index(top), 2] - np.mean(feet)) / _ANKLE_TO_HEAD
+
+
+def segments(skeleton: Skeleton, bone_map: BoneMap) -> tuple[Segment, ...]:
+    """The capsules of a body."""
+    tall = height(skeleton, bone_map)
+    found = [
+        _segment(skeleton, bone_map, "trunk", "hips", "head", _TRUNK_RADIUS * tall),
+        _segment(skeleton, bone_map, "head", "head", None, _HEAD_RADIUS * tall),
+    ]
+    for side in SIDES:
+        for limb, (next_limb, radius) in _LIMBS.items():
+            role = f"{side}_{limb}"
+            found.append(_segment(skeleton, bone_map, role, role, f"{side}_{next_limb}", radius * tall))
+    return tuple(found)
+
+
+def _segment(skeleton: Skeleton, bone_map: BoneMap, role: str, start: str, end: str | None, radius: float) -> Segment:
+    first = bone_map.bone(start) or bone_map.bone(SPINE)
+    if first is None:
+        raise ValueError(f"a humanoid needs a bone for {start}")
+    last = bone_map.bone(end) if end else None
+    return Segment(role, skeleton.index(first), skeleton.index(last or first), radius)
+
+
+def ends(skeleton: Skeleton, motion: Motion, segment: Segment) -> tuple[Array, Array]:
+    """(T, 3), (T, 3) where a capsule's line begins and ends in each frame."""
+    start = motion.heads[:, segment.start]
+    if segment.end != segment.start:
+        return start, motion.heads[:, segment.end]
+    return start, start + skeleton.lengths[segment.start] * motion.rotations[:, segment.start, :, 1]
+
+
+def closest_on_line(start: Array, end: Array, points: Array) -> Array:
+    """(T,) where on the lines (T, 3) from start to end the points (T, 3) are nearest: 0 at the start, 1 at the end."""
+    along = end - start
+    squared = np.maximum(np.sum(along * along, axis=-1), 1e-12)
+    return np.clip(np.sum((points - start) * along, axis=-1) / squared, 0.0, 1.0)
+
+
+def closest_between(start: Array, end: Array, other_start: Array, other_end: Array) -> tuple[Array, Array]:
+    """(T,), (T,) where two pieces of lines are nearest, on each from 0 at its start to 1 at its end.
+
+    Where the unbounded lines meet best is bounded to the first piece; then each piece in turn takes what is nearest
+    to the other's point. Two turns are exact: the distance is convex in both parameters, and only ends bound them.
+    """
+    u, v, w = end - start, other_end - other_start, start - other_start
+    uu, uv, vv = (np.sum(a * b, axis=-1) for a, b in ((u, u), (u, v), (v, v)))
+    uw, vw = np.sum(u * w, axis=-1), np.sum(v * w, axis=-1)
+    denominator = uu * vv - uv * uv
+    parallel = denominator < 1e-9 * np.maximum(uu * vv, 1e-12)
+    s = np.where(parallel, 0.5, np.clip((uv * vw - vv * uw) / np.where(parallel, 1.0, denominator), 0.0, 1.0))
+    t = closest_on_line(other_start, other_end, start + s[:, None] * u)
+    s = closest_on_line(start, end, other_start + t[:, None] * v)
+    return s, closest_on_line(other_start, other_end, start + s[:, None] * u)
