@@ -82,8 +82,10 @@ def test_a_hand_on_another_body_stays_there(addon: Any) -> None:
     start, end = parts.ends(actors[1].target, refined[1], arm)
     along = parts.closest_on_line(start, end, palm)
     gap = np.linalg.norm(palm - start - along[:, None] * (end - start), axis=1) - arm.radius
-    assert (touch.strength == 1).sum() > 10
-    assert gap[touch.strength == 1].max() < 0.05
+    # While arms rise and sink, palms pass each other closely too, which draws to another place.
+    settled = slice(REACHING.start + 2, REACHING.stop - 2)
+    assert (touch.strength[settled] == 1).all()
+    assert gap[settled].max() < 0.03
 
 
 def test_progress_ends_with_all_and_can_cancel(addon: Any) -> None:
