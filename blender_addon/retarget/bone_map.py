@@ -27,6 +27,13 @@ class BoneMap:
         """The bone of a role, the lowest one for the spine; None when the rig has none."""
         return next((name for key, name in self.bones if key == role), None)
 
+    def needed(self, role: str) -> str:
+        """The bone of a role that the rig must have; raises ValueError when it has none."""
+        name = self.bone(role)
+        if name is None:
+            raise ValueError(f"a humanoid needs a bone for {role}")
+        return name
+
     @property
     def spine(self) -> tuple[str, ...]:
         """The spine's bones from the hips upwards."""

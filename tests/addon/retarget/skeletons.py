@@ -101,11 +101,12 @@ def make_person(addon: Any, size: float = 1.0) -> Rig:
 
 
 def gestures(addon: Any, rig: Rig, frames: int = 40, seed: int = 0) -> Any:
-    """All bones turn this way and that, far from the ground."""
+    """All bones that have a role turn this way and that, far from the ground."""
     rng = np.random.default_rng(seed)
     skeleton = rig.skeleton
     time = np.arange(frames) / FPS
     phase, axis = rng.uniform(0, 6.28, len(skeleton.names)), rng.normal(size=(len(skeleton.names), 3))
+    axis[[rig.bone_map.role_of(name) in (None, "root") for name in skeleton.names]] = 0.0
     turns = matrix_from_rotvec(0.35 * np.sin(3 * time[:, None] + phase)[..., None] * axis)
     locations = np.zeros((frames, len(skeleton.names), 3))
     hips = skeleton.index("hips")
