@@ -29,10 +29,9 @@ def resample(person: Person, moments: Array) -> Person:
     after = np.minimum(before + 1, len(person.theta) - 1)
     share = moments - before
 
-    def between(values: NDArray[np.float32]) -> Array:
-        weight = share.reshape(-1, *[1] * (values.ndim - 1))
-        first = values[before].astype(float)
-        return first + weight * (values[after] - first)
+    def between(values: NDArray[np.float32]) -> NDArray[np.float32]:
+        weight = share.reshape(-1, *[1] * (values.ndim - 1)).astype(np.float32)
+        return values[before] + weight * (values[after] - values[before])
 
     return replace(
         person,
@@ -44,9 +43,9 @@ def resample(person: Person, moments: Array) -> Person:
     )
 
 
-def _slerp(start: Array, end: Array, share: Array) -> Array:
+def _slerp(start: NDArray[np.float32], end: NDArray[np.float32], share: Array) -> NDArray[np.float32]:
     """(N, J, 3) rotation vectors between two, `share` of the way from the first."""
     first = matrix_from_rotvec(start)
     turn = rotvec_from_matrix(np.swapaxes(first, -1, -2) @ matrix_from_rotvec(end))
     way = rotvec_from_matrix(first @ matrix_from_rotvec(share[:, None, None] * turn))
-    return np.where(share[:, None, None] == 0, start, way)
+    return np.where(share[:, None, None] == 0, start, way.astype(np.float32))

@@ -28,19 +28,20 @@ _NTSC_TOLERANCE = 0.006
 _POSE_SIZES = (72, 66, 156, 165)
 _BODY_JOINTS = 22
 
-# The open body's mean adult in SMPL's axes, metres: the step from the parent for the trunk and the left side.
+# An adult of the open body's mean proportions, 1.70 m tall, in SMPL's axes, metres: the steps from each parent, for the
+# trunk and the left side.
 _STEPS = {
-    "spine1": (0.0, 0.102, -0.031), "spine2": (0.0, 0.113, 0.022), "spine3": (0.0, 0.046, 0.002),
-    "neck": (0.0, 0.174, -0.027), "head": (0.0, 0.074, 0.041),
-    "left_hip": (0.051, -0.071, -0.006), "left_knee": (0.037, -0.331, 0.001), "left_ankle": (-0.015, -0.375, -0.032),
-    "left_foot": (0.034, -0.054, 0.113), "left_collar": (0.056, 0.047, 0.016), "left_shoulder": (0.097, 0.038, -0.011),
-    "left_elbow": (0.225, -0.013, -0.024), "left_wrist": (0.203, 0.008, -0.005), "left_hand": (0.091, -0.011, -0.014),
+    "spine1": (0.0, 0.116, -0.035), "spine2": (0.0, 0.129, 0.025), "spine3": (0.0, 0.052, 0.002),
+    "neck": (0.0, 0.198, -0.031), "head": (0.0, 0.084, 0.047),
+    "left_hip": (0.058, -0.081, -0.007), "left_knee": (0.042, -0.377, 0.001), "left_ankle": (-0.017, -0.427, -0.036),
+    "left_foot": (0.039, -0.062, 0.129), "left_collar": (0.064, 0.054, 0.018), "left_shoulder": (0.111, 0.043, -0.013),
+    "left_elbow": (0.257, -0.015, -0.027), "left_wrist": (0.231, 0.009, -0.006), "left_hand": (0.104, -0.013, -0.016),
 }  # fmt: skip
-_PELVIS = (0.0, -0.20, 0.03)
+_PELVIS = (0.0, -0.22, 0.03)
 """SMPL's pose turns about a pelvis that lies below the model's origin, by about this much, metres."""
-_SOLE = 0.025
+_SOLE = 0.03
 """From the joint at the toes down to the sole, metres."""
-_CROWN = 0.13
+_CROWN = 0.14
 """From the head's joint up to the crown, metres."""
 _PLAUSIBLE_SCALES = (0.5, 1.3)
 
