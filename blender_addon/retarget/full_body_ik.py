@@ -134,7 +134,8 @@ def body_of(skeleton: Skeleton, bone_map: BoneMap, style: Motion) -> Body:
             if index is None:
                 continue
             add((index,), kind, _hinge(skeleton, bone_map, style, side, kind) if kind in _HINGES else None)
-    feet = frozenset(index for side in SIDES if (index := bone(f"{side}_foot")) is not None)
+    names = (bone_map.bone(f"{side}_foot") for side in SIDES)
+    feet = frozenset(skeleton.index(name) for name in names if name)
     return Body(skeleton, style, hips, tuple(joints), feet, np.concatenate(costs))
 
 

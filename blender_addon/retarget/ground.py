@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .things import REACH, Things
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -109,10 +111,12 @@ class Ground:
     Attributes:
         levels: the surfaces seen, in finer columns first; empty for a plane.
         plane: height where nothing was seen, metres.
+        things: all that was seen, walls and tables too; None for a plane.
     """
 
     levels: tuple[_Surfaces, ...]
     plane: float = 0.0
+    things: Things | None = None
 
     @classmethod
     def flat(cls, z: float = 0.0) -> "Ground":
@@ -136,7 +140,21 @@ class Ground:
             if width > seen.width:
                 seen = _gather(width, seen.centres, seen.counts, seen.spreads)
             levels.append(_walkable(seen))
-        return cls(tuple(levels))
+        return cls(tuple(levels), things=Things.from_points(points))
+
+    def distance(self, places: ArrayLike) -> Array:
+        """How far places are from whatever was seen of the scene, its ground included.
+
+        Args:
+            places: (..., 3) world, metres.
+
+        Returns:
+            (...) metres; inf where nothing is within `things.REACH`.
+        """
+        places = np.asarray(places, float)
+        above = np.abs(places[..., 2] - self.height(places[..., :2], places[..., 2]))
+        flat = np.where(above < REACH, above, np.inf)
+        return flat if self.things is None else np.minimum(flat, self.things.distance(places))
 
     def height(self, xy: ArrayLike, near_z: ArrayLike | None = None) -> Array:
         """The ground's height.

@@ -126,9 +126,10 @@ def _of_scene(
     actors: Sequence[Actor], places: list[list[Array]], hand: tuple[int, int], ground: Ground
 ) -> Touch | None:
     place, times = places[hand[0]][hand[1]], actors[hand[0]].motion.times
-    above = np.abs(place[:, 2] - ground.height(place[:, :2], place[:, 2]))
     moving = np.linalg.norm(np.gradient(place, times, axis=0), axis=-1) if len(times) > 1 else np.zeros(len(place))
-    strength = strength_of(np.where(moving < _STILL, above, np.inf), times, *_SCENE)
+    gap = np.full(len(place), np.inf)
+    gap[moving < _STILL] = ground.distance(place[moving < _STILL])
+    strength = strength_of(gap, times, *_SCENE)
     if strength is None:
         return None
     return Touch(*hand, -1, -1, "", np.zeros(len(place)), place, strength)
