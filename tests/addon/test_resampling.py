@@ -64,7 +64,7 @@ def test_rotations_turn_evenly_the_shortest_way(seed: int, moments: list[float],
             after = min(int(moment) + 1, 11)
             truth = turns[int(moment)].slerp(turns[after], moment - int(moment))
             # q and -q are one rotation.
-            assert abs(truth.dot(quaternion(vector))) > 1 - 1e-6
+            assert abs(truth.normalized().dot(quaternion(vector))) > 1 - 1e-6
     path = np.stack([np.interp(moments, np.arange(12), person.gamma[:, axis]) for axis in range(3)], axis=1)
     assert np.abs(seen.gamma - path).max() < 1e-5
     assert seen.valid.tolist() == [bool(person.valid[int(moment + 0.5)]) for moment in moments]
