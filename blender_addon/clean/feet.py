@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 _LEG = ("thigh", "shin", "foot")
 _FOLLOWING = 0.5  # Hz: so slowly the body goes along with its feet
+_SAMPLES = 5  # places along a sole
 _STOOPING = 0.15  # seconds in which the hips go down for a foot that is out of reach, and up again
 
 
@@ -86,6 +87,17 @@ def slip(leg: Leg, motion: Motion) -> Array:
     return np.where(lower, np.diff(heel, axis=0, prepend=heel[:1]), np.diff(ball, axis=0, prepend=ball[:1]))
 
 
+def sole_points(leg: Leg, motion: Motion) -> Array:
+    """(T, S, 3) places along a sole from heel to ball, world."""
+    heel, ball = (point.positions(motion)[:, None] for point in (leg.sole.heel, leg.sole.ball))
+    return heel + np.linspace(0.0, 1.0, _SAMPLES)[:, None] * (ball - heel)
+
+
+def ankles(motion: Motion, legs: tuple[Leg, Leg]) -> Array:
+    """(T, 2, 3) places of the ankles, world."""
+    return np.stack([motion.heads[:, leg.chain.end] for leg in legs], axis=1)
+
+
 def placed(motion: Motion, legs: tuple[Leg, Leg], stance: Stance, rate: float) -> Motion:
     """Bring feet to their places.
 
@@ -99,16 +111,18 @@ def placed(motion: Motion, legs: tuple[Leg, Leg], stance: Stance, rate: float) -
         rate: frames per second.
     """
     shift = _followed(stance, rate)
-    goals = [
-        motion.heads[:, leg.chain.end] + _between(shift, stance.offsets[:, side], stance.weights[:, side])
-        for side, leg in enumerate(legs)
-    ]
+    along = shift[:, None] + stance.weights[..., None] * (stance.offsets - shift[:, None])
+    goals = ankles(motion, legs) + along
     moved = shifted(motion, shift)
-    moved = shifted(moved, _stoop(moved, legs, goals, stance.weights, rate))
-    for leg, goal in zip(legs, goals, strict=True):
-        hint = moved.rotations[:, leg.chain.upper] @ leg.knee
-        moved = bent(moved, leg.chain, reach(leg.chain.limb(moved), goal, hint))
-    return moved
+    return reached(shifted(moved, _stoop(moved, legs, goals, stance.weights, rate)), legs, goals)
+
+
+def reached(motion: Motion, legs: tuple[Leg, Leg], goals: Array) -> Motion:
+    """Bend the legs until the ankles are at (T, 2, 3) places, or as near as the legs reach."""
+    for side, leg in enumerate(legs):
+        hint = motion.rotations[:, leg.chain.upper] @ leg.knee
+        motion = bent(motion, leg.chain, reach(leg.chain.limb(motion), goals[:, side], hint))
+    return motion
 
 
 def shifted(motion: Motion, way: Array) -> Motion:
@@ -123,19 +137,15 @@ def _followed(stance: Stance, rate: float) -> Array:
     return weighted_low_pass(mean, known, rate, _FOLLOWING)
 
 
-def _between(first: Array, second: Array, share: Array) -> Array:
-    return first + share[:, None] * (second - first)
-
-
-def _stoop(motion: Motion, legs: tuple[Leg, Leg], goals: list[Array], weights: Array, rate: float) -> Array:
+def _stoop(motion: Motion, legs: tuple[Leg, Leg], goals: Array, weights: Array, rate: float) -> Array:
     """(T, 3) downwards, as far as the feet that shall be exactly somewhere need it."""
     needed = np.zeros(len(motion.times))
-    for leg, goal, weight in zip(legs, goals, weights.T, strict=True):
+    for side, leg in enumerate(legs):
         limb = leg.chain.limb(motion)
-        way = limb.start - goal
+        way = limb.start - goals[:, side]
         # Below the hip the goal may be as deep as the leg is long, less what it needs sideways.
         sideways = np.sum(way[:, :2] ** 2, axis=1)
         depth = np.sqrt(np.maximum(soft_length(limb)[:, 0] ** 2 - sideways, 0.0))
-        needed = np.maximum(needed, np.where(weight > 0, way[:, 2] - depth, 0.0))
+        needed = np.maximum(needed, np.where(weights[:, side] > 0, way[:, 2] - depth, 0.0))
     down = raised(needed, max(int(np.ceil(_STOOPING * rate)), 1))
     return -down[:, None] * np.array([0.0, 0.0, 1.0])

@@ -2,6 +2,7 @@
 """Feet that stand are still: no slipping while a foot carries weight, though it may roll from heel to ball."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,14 +74,14 @@ def standing(
     Returns:
         The ways, and the number of contacts that were left alone.
     """
-    found = [
-        _stance(performance, motion, leg, contacts, blend)
-        for leg, contacts in zip(legs, performance.evidence.contacts.T, strict=True)
-    ]
-    stance = Stance(
-        np.stack([offsets for offsets, _, _ in found], 1), np.stack([weights for _, weights, _ in found], 1)
+    offsets, weights, left_alone = zip(
+        *(
+            _stance(performance, motion, leg, contacts, blend)
+            for leg, contacts in zip(legs, performance.evidence.contacts.T, strict=True)
+        ),
+        strict=True,
     )
-    return stance, sum(skipped for _, _, skipped in found)
+    return Stance(np.stack(offsets, axis=1), np.stack(weights, axis=1)), sum(left_alone)
 
 
 def _stance(
@@ -117,7 +118,7 @@ def carried(offsets: Array, held: list[tuple[int, int]], blend: float) -> tuple[
         return np.zeros_like(offsets), np.zeros(count)
     offsets[: held[0][0]] = offsets[held[0][0]]
     offsets[held[-1][1] :] = offsets[held[-1][1] - 1]
-    for (_, end), (start, _) in zip(held[:-1], held[1:], strict=True):
+    for (_, end), (start, _) in pairwise(held):
         share = ramp(np.arange(1, start - end + 1) / (start - end + 1))[:, None]
         offsets[end:start] = offsets[end - 1] + share * (offsets[start] - offsets[end - 1])
     return offsets, _weights(held, count, blend)

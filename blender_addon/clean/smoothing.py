@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Smoothing without lag: the fast part of all rotations and of the path goes, feet that stand stay."""
 
-import numpy as np
-
 from ..retarget.rotation_modes import QUATERNION, matrices_from_channels
 from ..retarget.skeleton import Motion, channels_of, pose
 from .feet import legs_of, placed

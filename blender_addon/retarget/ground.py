@@ -25,6 +25,8 @@ STEP = 0.35
 _STOREY = 2.2
 """Without an expected height only surfaces up to here are grounds: above is the ceiling."""
 
+# A cloud must be nearer to the soles than the plane by so many metres: on level floors the two differ by noise alone.
+_DOUBT = 0.02
 _FARTHEST = 1000.0  # metres from the world's origin: what is farther off is no place to stand
 _GAP = 0.06  # metres of empty height between two surfaces of one column
 _THIN = 0.04  # metres: spread in height of a level surface's points, their noise included
@@ -155,6 +157,23 @@ class Ground:
         above = np.abs(places[..., 2] - self.height(places[..., :2], places[..., 2]))
         flat = np.where(above < REACH, above, np.inf)
         return flat if self.things is None else np.minimum(flat, self.things.distance(places))
+
+    @classmethod
+    def under(cls, points: ArrayLike, soles: ArrayLike) -> "Ground":
+        """The ground of a scene if its people stand on it, otherwise the plane z = 0.
+
+        What a network saw as a floor may bulge by more than stairs are high. Where people stood tells: the cloud counts
+        if it is nearer to most of their soles than the plane is.
+
+        Args:
+            points: (P, 3) as in `from_points`.
+            soles: (N, 3) places of standing soles, of all people.
+        """
+        seen, soles = cls.from_points(points), np.asarray(soles, float).reshape(-1, 3)
+        if not len(soles):
+            return seen
+        off_cloud = np.abs(soles[:, 2] - seen.height(soles[:, :2], soles[:, 2]))
+        return seen if np.median(off_cloud) < np.median(np.abs(soles[:, 2])) - _DOUBT else cls.flat()
 
     def height(self, xy: ArrayLike, near_z: ArrayLike | None = None) -> Array:
         """The ground's height.

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A person's path without its slow error: who stands does not creep, sink or rise; steps stay as they are."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..retarget.ground import Ground
+from ..retarget.skeleton import Motion
+from .feet import Leg, legs_of, shifted, slip, sole_points
+from .foot_lock import contact_spans
+from .performance import Performance
+from .signals import weighted_low_pass
+
+Array = NDArray[np.float64]
+
+SLOW = 0.25
+"""Hz: what changes faster is motion, not drift."""
+_FASTEST = 0.3  # metres per second: a foot that goes faster does not stand
+_EDGE = 0.07  # seconds at both ends of a contact in which the foot still lands or already leaves
+
+
+def remove_drift(performance: Performance, ground: Ground | None = None) -> Motion:
+    """Take the slow creeping of standing feet out of the whole body's path.
+
+    The path keeps its mean place: drift has no true beginning.
+
+    Args:
+        performance: with contacts.
+        ground: of its scene, which standing feet shall be level with; without it their height only stays as it is.
+
+    Raises:
+        UserError: the legs' bones are not known.
+    """
+    legs = legs_of(performance.skeleton, performance.bone_map)
+    motion, rate = performance.motion, performance.rate
+    creep, known = _mean_of_feet(
+        [
+            _creep(motion, leg, contacts, rate)
+            for leg, contacts in zip(legs, performance.evidence.contacts.T, strict=True)
+        ]
+    )
+    way = -np.cumsum(weighted_low_pass(creep, known, rate, SLOW), axis=0) / rate
+    way -= way[performance.evidence.present].mean(axis=0)
+    if ground is not None:
+        way[:, 2] = _levelled(performance, legs, ground)
+    return shifted(motion, way)
+
+
+def _creep(motion: Motion, leg: Leg, contacts: Array, rate: float) -> tuple[Array, Array]:
+    """(T, 3) metres per second with which one standing foot creeps, and (T,) 1 where that is known."""
+    speed = slip(leg, motion) * rate
+    creep, known = np.zeros_like(speed), np.zeros(len(speed))
+    margin = int(np.ceil(_EDGE * rate))
+    for start, end in contact_spans(contacts, rate):
+        inside = slice(start + margin, end - margin)
+        # The median forgives the frames of a long contact in which a foot was lifted after all.
+        if end - start > 2 * margin and np.linalg.norm(median := np.median(speed[inside], axis=0)) < _FASTEST:
+            creep[inside], known[inside] = median, 1.0
+    return creep, known
+
+
+def _mean_of_feet(feet: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Mean over those feet that know, and how many do."""
+    known = sum((weights for _, weights in feet), np.zeros(len(feet[0][1])))
+    total = sum((values * weights[:, None] for values, weights in feet), np.zeros_like(feet[0][0]))
+    return total / np.maximum(known, 1.0)[:, None], known
+
+
+def _levelled(performance: Performance, legs: tuple[Leg, Leg], ground: Ground) -> Array:
+    """(T,) slow way upwards that brings standing feet to the ground."""
+    feet = []
+    for leg, contacts in zip(legs, performance.evidence.contacts.T, strict=True):
+        lift, known = np.zeros((len(contacts), 1)), np.zeros(len(contacts))
+        points = sole_points(leg, performance.motion)
+        for start, end in contact_spans(contacts, performance.rate):
+            stood = points[start:end]
+            above = (ground.height(stood[..., :2], stood[..., 2]) - stood[..., 2]).max(axis=1)
+            lift[start:end], known[start:end] = np.median(above), 1.0
+        feet.append((lift, known))
+    return weighted_low_pass(*_mean_of_feet(feet), performance.rate, SLOW)[:, 0]
