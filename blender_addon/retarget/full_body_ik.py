@@ -29,6 +29,8 @@ _SHIFT = np.array([3e3, 3e3, 40.0])
 FARTHEST_SHIFT = 0.009
 """Metres by which hips may leave their place over the ground: two people's distance then stays within 2 cm."""
 
+_DEEPEST, _HIGHEST = 0.5, 0.05  # how far hips may sink and rise, in their height at rest
+
 _HINGES = ("forearm", "shin")
 _STRAIGHTEST, _MOST_BENT = 0.05, 2.5  # radians of bend that a hinge stays within, or where it is anyway
 _HOLD = 1e9  # cost that keeps a change on its bound
@@ -65,6 +67,8 @@ class Body:
         skeleton: at rest.
         style: the given pose.
         hips: index of the bone that carries the body.
+        seat: (T, 3) from its head to the middle between the hip joints in the given pose: what it turns about, so that
+            a body that leans stays over its place.
         joints: what may turn, parents first.
         frozen: bones that keep their turn in the world.
         stiffness: (N,) cost of every change; the first three are the shift of the hips.
@@ -73,6 +77,7 @@ class Body:
     skeleton: Skeleton
     style: Motion
     hips: int
+    seat: Array
     joints: tuple[Joint, ...]
     frozen: frozenset[int]
     stiffness: Array
@@ -122,9 +127,7 @@ def body_of(skeleton: Skeleton, bone_map: BoneMap, style: Motion) -> Body:
         name = bone_map.bone(role)
         return None if name is None else skeleton.index(name)
 
-    hips = bone("hips")
-    if hips is None:
-        raise ValueError("a humanoid needs hips")
+    hips = skeleton.index(bone_map.needed("hips"))
     add((hips,), "hips")
     if bone_map.spine:
         add(tuple(skeleton.index(name) for name in bone_map.spine), "spine")
@@ -136,7 +139,9 @@ def body_of(skeleton: Skeleton, bone_map: BoneMap, style: Motion) -> Body:
             add((index,), kind, _hinge(skeleton, bone_map, style, side, kind) if kind in _HINGES else None)
     names = (bone_map.bone(f"{side}_foot") for side in SIDES)
     feet = frozenset(skeleton.index(name) for name in names if name)
-    return Body(skeleton, style, hips, tuple(joints), feet, np.concatenate(costs))
+    thighs = [skeleton.index(bone_map.needed(f"{side}_thigh")) for side in SIDES]
+    seat = style.heads[:, thighs].mean(axis=1) - style.heads[:, hips]
+    return Body(skeleton, style, hips, seat, tuple(joints), feet, np.concatenate(costs))
 
 
 def bend(body: Body, changes: Array, bones: Sequence[int] | None = None) -> Motion:
@@ -188,15 +193,17 @@ def _bent(body: Body, changes: Array, bones: Sequence[int]) -> tuple[Motion, dic
         parent = body.skeleton.parents[bone]
         if bone != body.hips and parent not in turns:
             continue
-        turn = np.eye(3)[None] if bone == body.hips else turns[parent]
-        if bone == body.hips:
-            heads[:, bone] = style.heads[:, bone] + changes[:, :3]
-        else:
-            heads[:, bone] = heads[:, parent] + _turned(turn, style.heads[:, bone] - style.heads[:, parent])
+        carried = np.eye(3)[None] if bone == body.hips else turns[parent]
         if bone in body.frozen:
             turn = np.eye(3)[None]
         elif bone in turning:
-            turn = turn @ matrix_from_rotvec(_share(turning[bone], changes))
+            turn = carried @ matrix_from_rotvec(_share(turning[bone], changes))
+        else:
+            turn = carried
+        if bone == body.hips:
+            heads[:, bone] = style.heads[:, bone] + changes[:, :3] + body.seat - _turned(turn, body.seat)
+        else:
+            heads[:, bone] = heads[:, parent] + _turned(carried, style.heads[:, bone] - style.heads[:, parent])
         turns[bone] = np.broadcast_to(turn, rotations[:, bone].shape)
         rotations[:, bone] = turn @ style.rotations[:, bone]
     return Motion(style.times, rotations, heads), turns
@@ -214,6 +221,7 @@ class _Levers:
     def __init__(self, body: Body, changes: Array, motion: Motion, turns: dict[int, Array]) -> None:
         self._body, self._motion = body, motion
         self._frames = len(changes)
+        self._seat = body.style.heads[:, body.hips] + body.seat + changes[:, :3]
         self._axes: dict[int, tuple[Joint, Array]] = {}
         for joint in body.joints:
             rates = _left_jacobian(_share(joint, changes)) / len(joint.bones)
@@ -248,7 +256,8 @@ class _Levers:
                 lever = heads[:, bone]
             elif bone in self._axes:
                 joint, axes = self._axes[bone]
-                arm = (lever - heads[:, bone])[:, :, None]
+                pivot = self._seat if bone == self._body.hips else heads[:, bone]
+                arm = (lever - pivot)[:, :, None]
                 jacobian[:, :, joint.first : joint.first + joint.size] += np.cross(axes, arm, axis=1)
             if bone == self._body.hips:
                 jacobian[:, :, :3] += np.eye(3)
@@ -262,6 +271,8 @@ def _bounds(body: Body, frames: int) -> tuple[Array, Array]:
     most = np.full((frames, body.size), np.inf)
     most[:, :2] = FARTHEST_SHIFT / np.sqrt(2)
     least = -most
+    standing = body.skeleton.heads[body.hips, 2] - body.skeleton.heads[:, 2].min()
+    least[:, 2], most[:, 2] = -_DEEPEST * standing, _HIGHEST * standing
     for joint in body.joints:
         if joint.least is not None and joint.most is not None:
             least[:, joint.first], most[:, joint.first] = joint.least, joint.most
@@ -284,15 +295,10 @@ def _solve_within(hessian: Array, gradient: Array, least: Array, most: Array) ->
     return np.clip(step, least, most)
 
 
-def _hinge(
-    skeleton: Skeleton, bone_map: BoneMap, style: Motion, side: str, kind: str
-) -> tuple[Array, Array, Array] | None:
+def _hinge(skeleton: Skeleton, bone_map: BoneMap, style: Motion, side: str, kind: str) -> tuple[Array, Array, Array]:
     """Axis (T, 3) about which an elbow or knee bends, and by how much it may bend back and on from where it is."""
     upper, end = ("upper_arm", "hand") if kind == "forearm" else ("thigh", "foot")
-    names = [bone_map.bone(f"{side}_{role}") for role in (upper, kind)]
-    if names[0] is None or names[1] is None:
-        return None
-    start, middle = (skeleton.index(name) for name in names if name)
+    start, middle = (skeleton.index(bone_map.needed(f"{side}_{role}")) for role in (upper, kind))
     last = bone_map.bone(f"{side}_{end}")
     first_rest = _unit(skeleton.heads[middle] - skeleton.heads[start])
     # At rest: knees bend about the axis to the body's left, backwards; elbows about that across arm and facing.
@@ -312,10 +318,8 @@ def _hinge(
 
 def _left_of(skeleton: Skeleton, bone_map: BoneMap) -> Array:
     """(3,) from the right hip to the left one, level."""
-    left, right = (bone_map.bone(f"{side}_thigh") for side in SIDES)
-    if left is None or right is None:
-        raise ValueError("a humanoid needs two thighs")
-    across = skeleton.heads[skeleton.index(left)] - skeleton.heads[skeleton.index(right)]
+    left, right = (skeleton.heads[skeleton.index(bone_map.needed(f"{side}_thigh"))] for side in SIDES)
+    across = left - right
     return across * [1.0, 1.0, 0.0]
 
 

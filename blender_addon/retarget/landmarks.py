@@ -86,7 +86,7 @@ def palms(skeleton: Skeleton, bone_map: BoneMap) -> tuple[Landmark, Landmark]:
 
 
 def _sole(skeleton: Skeleton, bone_map: BoneMap, side: str, floor: float) -> Sole:
-    foot = skeleton.index(_needed(bone_map, f"{side}_foot"))
+    foot = skeleton.index(bone_map.needed(f"{side}_foot"))
     toe = bone_map.bone(f"{side}_toe")
     # The ball moves with the foot, not with the toes that bend in it.
     ball = skeleton.heads[skeleton.index(toe)] if toe else skeleton.tails[foot]
@@ -96,7 +96,7 @@ def _sole(skeleton: Skeleton, bone_map: BoneMap, side: str, floor: float) -> Sol
 
 
 def _palm(skeleton: Skeleton, bone_map: BoneMap, side: str) -> Landmark:
-    forearm = skeleton.index(_needed(bone_map, f"{side}_forearm"))
+    forearm = skeleton.index(bone_map.needed(f"{side}_forearm"))
     hand = bone_map.bone(f"{side}_hand")
     bone = skeleton.index(hand) if hand else forearm
     wrist = skeleton.heads[bone] if hand else skeleton.tails[forearm]
@@ -106,10 +106,3 @@ def _palm(skeleton: Skeleton, bone_map: BoneMap, side: str) -> Landmark:
 def _bones(skeleton: Skeleton, bone_map: BoneMap, limb: str) -> list[int]:
     names = [bone_map.bone(f"{side}_{limb}") for side in SIDES]
     return [skeleton.index(name) for name in names if name]
-
-
-def _needed(bone_map: BoneMap, role: str) -> str:
-    name = bone_map.bone(role)
-    if name is None:
-        raise ValueError(f"a humanoid needs a bone for {role}")
-    return name

@@ -13,6 +13,7 @@ from .bone_map import BoneMap
 from .collisions import depth_between
 from .ground import Ground
 from .landmarks import palms, soles
+from .roles import SIDES
 from .skeleton import Motion, Skeleton
 from .touches import find_touches
 
@@ -111,8 +112,8 @@ def _feet(
 
 
 def _spacing_error(actors: Sequence[Actor], bodies: Sequence[tuple[Skeleton, BoneMap, Motion]], scale: float) -> float:
-    people = [_hips(actor.source, actor.source_map, actor.motion) for actor in actors]
-    rigs = [_hips(*body) for body in bodies]
+    people = [_between_hips(actor.source, actor.source_map, actor.motion) for actor in actors]
+    rigs = [_between_hips(*body) for body in bodies]
     errors = [
         np.abs(_apart(rigs[i], rigs[j]) - scale * _apart(people[i], people[j])).max()
         for i, j in combinations(range(len(actors)), 2)
@@ -132,11 +133,10 @@ def _touch_error(actors: Sequence[Actor], bodies: Sequence[tuple[Skeleton, BoneM
     return _mean(np.concatenate(errors)) if errors else 0.0
 
 
-def _hips(skeleton: Skeleton, bone_map: BoneMap, motion: Motion) -> Array:
-    name = bone_map.bone("hips")
-    if name is None:
-        raise ValueError("a humanoid needs hips")
-    return motion.heads[:, skeleton.index(name), :2]
+def _between_hips(skeleton: Skeleton, bone_map: BoneMap, motion: Motion) -> Array:
+    """(T, 2) the middle between the hip joints, over the ground: hips bones begin elsewhere in every rig."""
+    joints = [skeleton.index(bone_map.needed(f"{side}_thigh")) for side in SIDES]
+    return motion.heads[:, joints, :2].mean(axis=1)
 
 
 def _apart(first: Array, second: Array) -> Array:

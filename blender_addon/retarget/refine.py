@@ -116,7 +116,7 @@ def _round(scene: _Scene, changes: list[Array], priors: list[Array]) -> list[Arr
 def _standing(actor: Actor, body: Body) -> list[Goal]:
     """Feet stay where they are: what a body does for its hands must not make them slide."""
     frames = len(body.style.times)
-    feet = [actor.target.index(name) for side in SIDES if (name := actor.target_map.bone(f"{side}_foot"))]
+    feet = [actor.target.index(actor.target_map.needed(f"{side}_foot")) for side in SIDES]
     return [
         Goal((Landmark(foot, np.zeros(3)),), np.ones((1, frames)), body.style.heads[:, foot], np.full(frames, _FEET))
         for foot in feet

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bone_map import BoneMap
-from .roles import SIDES, SPINE
+from .roles import SIDES
 from .skeleton import Motion, Skeleton
 
 Array = NDArray[np.float64]
@@ -42,11 +42,9 @@ class Segment:
 
 def height(skeleton: Skeleton, bone_map: BoneMap) -> float:
     """A body's height, told from its joints at rest: hardly depends on how a rig's last bones are drawn; metres."""
-    feet = [skeleton.heads[skeleton.index(name), 2] for side in SIDES if (name := bone_map.bone(f"{side}_foot"))]
-    top = bone_map.bone("head")
-    if top is None or not feet:
-        raise ValueError("a humanoid needs a head and feet")
-    return float(skeleton.heads[skeleton.index(top), 2] - np.mean(feet)) / _ANKLE_TO_HEAD
+    feet = [skeleton.heads[skeleton.index(bone_map.needed(f"{side}_foot")), 2] for side in SIDES]
+    top = skeleton.heads[skeleton.index(bone_map.needed("head")), 2]
+    return float(top - np.mean(feet)) / _ANKLE_TO_HEAD
 
 
 def segments(skeleton: Skeleton, bone_map: BoneMap) -> tuple[Segment, ...]:
@@ -64,9 +62,7 @@ def segments(skeleton: Skeleton, bone_map: BoneMap) -> tuple[Segment, ...]:
 
 
 def _segment(skeleton: Skeleton, bone_map: BoneMap, role: str, start: str, end: str | None, radius: float) -> Segment:
-    first = bone_map.bone(start) or bone_map.bone(SPINE)
-    if first is None:
-        raise ValueError(f"a humanoid needs a bone for {start}")
+    first = bone_map.needed(start)
     last = bone_map.bone(end) if end else None
     return Segment(role, skeleton.index(first), skeleton.index(last or first), radius)
 
