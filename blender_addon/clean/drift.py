@@ -7,26 +7,29 @@ from numpy.typing import NDArray
 from ..retarget.ground import Ground
 from ..retarget.skeleton import Motion
 from .feet import Leg, legs_of, shifted, slip, sole_points
-from .foot_lock import contact_spans
+from .foot_lock import carried, contact_spans
 from .performance import Performance
-from .signals import weighted_low_pass
+from .signals import closed, low_pass, spans, weighted_low_pass
 
 Array = NDArray[np.float64]
 
 SLOW = 0.25
 """Hz: what changes faster is motion, not drift."""
+_WALKING = 0.25  # metres per second: a body that goes faster is on its way, and its path is left alone
+_BRIEF = 0.7  # seconds: who stands for less only passes
 _FASTEST = 0.3  # metres per second: a foot that goes faster does not stand
 _EDGE = 0.07  # seconds at both ends of a contact in which the foot still lands or already leaves
 
 
 def remove_drift(performance: Performance, ground: Ground | None = None) -> Motion:
-    """Take the slow creeping of standing feet out of the whole body's path.
+    """Take the slow creeping of standing people out of their paths.
 
-    The path keeps its mean place: drift has no true beginning.
+    While somebody stands, the whole body is put where it stood on average; on the way between two such places the path
+    goes over from the one correction to the next. So nothing adds up, and steps keep their lengths.
 
     Args:
         performance: with contacts.
-        ground: of its scene, which standing feet shall be level with; without it their height only stays as it is.
+        ground: of its scene, which standing feet shall be level with; without it heights are treated like places.
 
     Raises:
         UserError: the legs' bones are not known.
@@ -39,11 +42,25 @@ def remove_drift(performance: Performance, ground: Ground | None = None) -> Moti
             for leg, contacts in zip(legs, performance.evidence.contacts.T, strict=True)
         ]
     )
-    way = -np.cumsum(weighted_low_pass(creep, known, rate, SLOW), axis=0) / rate
-    way -= way[performance.evidence.present].mean(axis=0)
+    crept = np.cumsum(weighted_low_pass(creep, known, rate, SLOW), axis=0) / rate
+    way = np.zeros_like(crept)
+    stays = _stays(performance, known)
+    for start, end in stays:
+        way[start:end] = crept[start:end].mean(axis=0) - crept[start:end]
+    way, _ = carried(way, stays, 0.0)
     if ground is not None:
         way[:, 2] = _levelled(performance, legs, ground)
     return shifted(motion, way)
+
+
+def _stays(performance: Performance, known: Array) -> list[tuple[int, int]]:
+    """Spans of frames in which a person stands in one place."""
+    rate = performance.rate
+    hips = performance.motion.heads[:, performance.skeleton.index(performance.bone_map.bone("hips") or "")]
+    slow = low_pass(hips, rate, SLOW)
+    speed = np.linalg.norm(np.gradient(slow[:, :2], axis=0), axis=1) * rate if len(slow) > 1 else np.zeros(len(slow))
+    standing = closed((known > 0) & (speed < _WALKING), _BRIEF * rate)
+    return [(start, end) for start, end in spans(standing) if end - start >= _BRIEF * rate]
 
 
 def _creep(motion: Motion, leg: Leg, contacts: Array, rate: float) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-_FAINT = 1e-9  # of a known frame's weight
+_FAINT = 1e-3  # of a known frame's weight
 
 
 def low_pass(values: Array, rate: float, cutoff: float) -> Array:
@@ -45,24 +45,16 @@ def weighted_low_pass(values: Array, weights: Array, rate: float, cutoff: float)
     Returns:
         (T, C); zeros where no frame is known.
     """
-    if not weights.any():
+    known = np.flatnonzero(weights > 0)
+    if not len(known):
         return np.zeros_like(values)
     deviation = np.sqrt(np.log(2)) / (2 * np.pi * cutoff) * rate
-    kernel = np.exp(-0.5 * ((np.arange(len(values)) - len(values) // 2) / deviation) ** 2)
-    nearest = nearest_frames(weights > 0)
-    # Far from every known frame the kernel vanishes: there the nearest known frame speaks.
+    frames = np.arange(len(values))
+    kernel = np.exp(-0.5 * ((frames - len(values) // 2) / deviation) ** 2)
+    # Far from every known frame the kernel vanishes: there a straight line goes from one to the next.
+    lines = np.stack([np.interp(frames, known, column[known]) for column in values.T], axis=1)
     total = _convolved(weights[:, None], kernel) + _FAINT
-    return (_convolved(values * weights[:, None], kernel) + _FAINT * values[nearest]) / total
-
-
-def nearest_frames(flags: Flags) -> NDArray[np.int64]:
-    """(T,) for each frame the nearest one that is true; there must be one."""
-    known = np.flatnonzero(flags)
-    frames = np.arange(len(flags))
-    after = np.clip(np.searchsorted(known, frames), 0, len(known) - 1)
-    before = np.maximum(after - 1, 0)
-    nearer = np.abs(known[before] - frames) <= np.abs(known[after] - frames)
-    return np.where(nearer, known[before], known[after])
+    return (_convolved(values * weights[:, None], kernel) + _FAINT * lines) / total
 
 
 def _convolved(values: Array, kernel: Array) -> Array:

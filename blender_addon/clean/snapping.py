@@ -39,8 +39,9 @@ def snap_to_ground(performance: Performance, ground: Ground, blend: float = BLEN
         ),
         strict=True,
     )
-    standing = placed(motion, legs, Stance(np.stack(offsets, axis=1), np.stack(weights, axis=1)), rate)
-    return _surfaced(_stepped_over(standing, legs, ground, rate), performance, legs, ground)
+    stance = Stance(np.stack(offsets, axis=1), np.stack(weights, axis=1))
+    clear = _stepped_over(placed(motion, legs, stance, rate), legs, stance.weights, ground, rate)
+    return _surfaced(clear, performance, legs, ground)
 
 
 def _rest(motion: Motion, leg: Leg, held: list[tuple[int, int]], ground: Ground, blend: float) -> tuple[Array, Array]:
@@ -56,9 +57,11 @@ def _rest(motion: Motion, leg: Leg, held: list[tuple[int, int]], ground: Ground,
     return carried(lifts, held, blend)
 
 
-def _stepped_over(motion: Motion, legs: tuple[Leg, Leg], ground: Ground, rate: float) -> Motion:
-    """Lift swinging feet out of the surface."""
-    rise = np.stack([_risen(sole_points(leg, motion), ground, rate) for leg in legs], axis=1)
+def _stepped_over(motion: Motion, legs: tuple[Leg, Leg], weights: Array, ground: Ground, rate: float) -> Motion:
+    """Lift swinging feet out of the surface; those that stand are on it already."""
+    depths = np.stack([_depth(sole_points(leg, motion), ground) for leg in legs], axis=1)
+    smooth = np.stack([_softened(depth, rate) for depth in depths.T], axis=1)
+    rise = np.maximum(depths, (1.0 - weights) * smooth)
     return reached(motion, legs, ankles(motion, legs) + rise[..., None] * _UP)
 
 
@@ -66,14 +69,16 @@ def _surfaced(motion: Motion, performance: Performance, legs: tuple[Leg, Leg], g
     """Lift a body whose knees or hips are below the surface; its feet stay."""
     names = [performance.bone_map.bone(role) for role in _BODY]
     joints = motion.heads[:, [performance.skeleton.index(name) for name in names if name]]
-    rise = _risen(joints, ground, performance.rate)
+    rise = _softened(_depth(joints, ground), performance.rate)
     if not rise.any():
         return motion
     return reached(shifted(motion, rise[:, None] * _UP), legs, ankles(motion, legs))
 
 
-def _risen(points: Array, ground: Ground, rate: float) -> Array:
-    """(T,) smooth way upwards that brings all (T, P, 3) points out of the surface."""
-    depth = ground.height(points[..., :2], points[..., 2]) - points[..., 2]
-    # What is deeper than a step belongs to another surface: the ground is found near the point only.
-    return raised(np.maximum(depth.max(axis=1), 0.0), max(int(np.ceil(_SOFTLY * rate)), 1))
+def _depth(points: Array, ground: Ground) -> Array:
+    """(T,) how far the deepest of (T, P, 3) points is below the surface near it; 0 where none is."""
+    return np.maximum(ground.height(points[..., :2], points[..., 2]) - points[..., 2], 0.0).max(axis=1)
+
+
+def _softened(depth: Array, rate: float) -> Array:
+    return raised(depth, max(int(np.ceil(_SOFTLY * rate)), 1))
