@@ -54,6 +54,3 @@ class Evidence:
     present: Flags
     confidence: Array
 
-    def at(self, frames: NDArray[np.int64]) -> "Evidence":
-        """The evidence of some frames."""
-        return Evidence(self.contacts[frames], self.seen[frames], self.present[frames], self.confidence[frames])
