@@ -46,4 +46,4 @@ def _points(cloud: Any) -> Array:
     local = np.empty(3 * count, np.float32)
     cloud.data.vertices.foreach_get("co", local)
     matrix = np.array(cloud.matrix_world, float)
-    return local.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+    return local.reshape(-1, 3).astype(float) @ matrix[:3, :3].T + matrix[:3, 3]

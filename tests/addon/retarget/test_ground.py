@@ -130,3 +130,16 @@ def test_a_million_points_are_quick(addon: Any) -> None:
     start = time.process_time()
     addon("retarget.ground").Ground.from_points(points)
     assert time.process_time() - start < 3.0  # measured 0.5 s; the rest is for slow machines
+
+
+def test_a_cloud_counts_where_people_stand_on_it(addon: Any) -> None:
+    rng = np.random.default_rng(7)
+    Ground = addon("retarget.ground").Ground
+    points = stairs(rng, 60_000, 0.01)
+    xy = rng.uniform([0.2, -0.8], [3.8, 0.8], (300, 2))
+    on_stairs = np.column_stack([xy, stairs_height(xy[:, 0]) + 0.05 * rng.normal(size=300)])
+    assert float(Ground.under(points, on_stairs).height([3.5, 0.0], 1.0)) > 0.9
+    bulging = points + np.column_stack([np.zeros((len(points), 2)), 0.2 * np.sin(3 * points[:, 0])])
+    level = np.column_stack([xy, 0.03 * rng.normal(size=300)])
+    np.testing.assert_array_equal(Ground.under(bulging, level).height(xy, 0.0), np.zeros(300))
+    assert float(Ground.under(points, np.zeros((0, 3))).height([3.5, 0.0], 1.0)) > 0.9
