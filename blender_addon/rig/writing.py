@@ -29,6 +29,7 @@ def write_motion(
     bones: Sequence[str],
     frames: NDArray[np.float64],
     moved: Collection[str] = (),
+    others: Sequence[Curves] = (),
 ) -> bpy.types.Action:
     """Give a rig a new action that shows a motion.
 
@@ -44,6 +45,7 @@ def write_motion(
         frames: (T,) scene frames of the keys.
         moved: bones of `bones` whose location is keyed even if they never leave their place; others get it only when
             they leave it, or are not in their place now.
+        others: further properties of the object that the action shall key.
 
     Returns:
         The new action, active on the rig.
@@ -68,7 +70,7 @@ def write_motion(
         if not np.allclose(bone.scale, 1.0):
             curves.append(Curves(bone.path_from_id("scale"), np.ones((len(frames), 3)), bone_name))
     former = obj.animation_data.action if obj.animation_data else None
-    write_action(obj, name, np.asarray(frames, float), curves)
+    write_action(obj, name, np.asarray(frames, float), [*curves, *others])
     if former is not None and former.users == 0:
         former.use_fake_user = True  # else Blender would forget the action when the file is closed
     return obj.animation_data.action

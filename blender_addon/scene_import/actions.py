@@ -36,12 +36,7 @@ def write_action(owner: bpy.types.ID, name: str, frames: NDArray[np.float64], cu
         frames: (T,) scene frames of the keys.
         curves: the animated properties.
     """
-    action = bpy.data.actions.new(name)
-    animation = owner.animation_data_create()
-    animation.action = action
-    bag = _curve_container(action, owner)
-    if hasattr(animation, "action_slot"):
-        animation.action_slot = action.slots[0]
+    bag = new_action(owner, name)
     groups: dict[str, Any] = {}
     for curve in curves:
         if curve.group not in groups:
@@ -50,6 +45,22 @@ def write_action(owner: bpy.types.ID, name: str, frames: NDArray[np.float64], cu
             f_curve = bag.fcurves.new(curve.path, index=index)
             f_curve.group = groups[curve.group]
             _fill(f_curve, frames, curve.values[:, index], curve.interpolation)
+
+
+def new_action(owner: bpy.types.ID, name: str) -> Any:
+    """Give `owner` a new, empty action; returns what holds its curves and groups.
+
+    Args:
+        owner: an object, or any datablock that can be animated.
+        name: of the action.
+    """
+    action = bpy.data.actions.new(name)
+    animation = owner.animation_data_create()
+    animation.action = action
+    bag = _curve_container(action, owner)
+    if hasattr(animation, "action_slot"):
+        animation.action_slot = action.slots[0]
+    return bag
 
 
 def _curve_container(action: Any, owner: bpy.types.ID) -> Any:
