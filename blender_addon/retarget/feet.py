@@ -90,6 +90,15 @@ def floor_under(actor: Actor, stage: Stage) -> Array:
     return np.interp(actor.motion.times, actor.motion.times[frames], standing)
 
 
+def standing_soles(actor: Actor) -> Array:
+    """(N, 3) where the person's soles are while they stand, all frames one after the other, world."""
+    places = []
+    for sole, contact in zip(soles(actor.source, actor.source_map), actor.contacts.T, strict=True):
+        ends = _ends(sole, actor.motion)[:, contact >= STANDS]
+        places.append(np.where(ends[:1, :, 2:] < ends[1:, :, 2:], ends[0], ends[1])[0])
+    return np.concatenate(places)
+
+
 def level_under(actor: Actor, stage: Stage) -> Array:
     """(T,) `floor_under` without its steps: what hips and root rise and fall with."""
     return smoothed(floor_under(actor, stage), actor.motion.times, _STEPS)
