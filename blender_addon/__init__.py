@@ -4,8 +4,10 @@
 import bpy
 
 from .operators.import_take import ImportTake, TakeDrop, draw_import_entry
+from .operators.sample import LoadSampleRig, LoadSampleTake
 from .operators.solve_video import CancelSolve, SolveVideo
 from .panels.import_section import ImportPanel
+from .panels.samples import SamplesPanel
 from .panels.solve import SolvePanel
 from .preferences import CheckSolver, MocapPreferences
 from .settings.solve import SolveSettings
@@ -21,7 +23,10 @@ _CLASSES = (
     SolvePanel,
     ImportTake,
     TakeDrop,
+    LoadSampleTake,
+    LoadSampleRig,
     ImportPanel,
+    SamplesPanel,
 )
 # Settings of the sidebar's sections: the type they hang on, the name there, and the property group.
 _SETTINGS: tuple[tuple[type, str, type], ...] = ((bpy.types.Scene, "mocap_solve", SolveSettings),)
