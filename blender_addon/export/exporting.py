@@ -1,109 +1,196 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""People and camera to one GLB or FBX file, whole or not at all."""
+"""Characters and camera to files for an engine: read, staged, written whole or not at all, and read back."""
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
 
-from core_solver.errors import UserError
-
-from .glb_clock import stretch_clock
+from ..scene_import.timing import split_rate
+from .performance import (
+    Character,
+    ExportError,
+    Performance,
+    Shot,
+    Timing,
+    characters_among,
+    film,
+    perform,
+    timing_of,
+)
+from .profiles import GENERIC, Profile, load_profile
 from .showing import shown
+from .staging import needs_rest_key, stage, stage_camera, units_of
+from .temporary import free_names, object_mode, temporary_scene
+from .verification import Check, verify
+from .writing import Writer, writer_of
 
-Writer = Callable[[bpy.types.Context, Path], None]
+_FORBIDDEN = '<>:"/\\|?*'
+"""In the names of files on some system."""
 
 
-class ExportError(UserError):
-    """A file that cannot be written."""
+@dataclass(frozen=True)
+class Exported:
+    """What was written.
+
+    Attributes:
+        files: the files.
+        checks: one for each character in each file.
+    """
+
+    files: tuple[Path, ...]
+    checks: tuple[Check, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every file holds what it should."""
+        return all(check.passed for check in self.checks)
 
 
-def export_objects(context: bpy.types.Context, objects: Sequence[bpy.types.Object], path: Path) -> None:
-    """Write objects with their motion; the file's ending, .glb or .fbx, chooses the format.
+@dataclass(frozen=True)
+class Cast:
+    """Who goes into one file.
 
-    An old file at `path` is replaced only when the new one is complete. The scene's selection changes.
-    Hidden objects are written too. Neither format can hide somebody for a while: people who have not come yet or have
-    left stand still where they were first or last seen, and the armatures' custom properties (extras of a GLB's
-    nodes, user properties in FBX) say when they are there.
+    Attributes:
+        file: its name.
+        performances: its characters.
+        nodes: names of their armatures in the file.
+    """
+
+    file: str
+    performances: tuple[Performance, ...]
+    nodes: tuple[str, ...]
+
+
+def export_objects(context: bpy.types.Context, objects: Sequence[bpy.types.Object], path: Path) -> Exported:
+    """Write characters, with a camera if there is one among the objects, to one file as they are in the scene.
+
+    The file's ending, .glb or .fbx, chooses the format; otherwise as `export_characters`.
+    """
+    profile = replace(load_profile(GENERIC), format=path.suffix.lower().removeprefix("."))
+    camera = next((obj for obj in objects if obj.type == "CAMERA"), None)
+    return export_characters(context, characters_among(context, objects), profile, path.parent, path.name, camera)
+
+
+def export_characters(
+    context: bpy.types.Context,
+    characters: Sequence[Character],
+    profile: Profile,
+    folder: Path,
+    name: str,
+    camera: bpy.types.Object | None = None,
+) -> Exported:
+    """Write characters as an engine wants them, over the scene's frame range, and read every file back.
+
+    Old files are replaced only when all new ones are complete. The user's scene stays as it is. Hidden objects are
+    written too. Neither format can hide somebody for a while: people who have not come yet or have left stand still
+    where they were first or last seen, and the armatures' custom properties (extras of a GLB's nodes, user properties
+    in FBX) say when they are there.
 
     Args:
-        context: in object mode.
-        objects: what to write: armatures with their bodies, a camera.
-        path: the file.
+        context: Blender's.
+        characters: from `characters_among`.
+        profile: format, units, names, how many files.
+        folder: made when it is missing.
+        name: of the file, its ending may be missing; with a file for each character, their names follow it.
+        camera: goes along where all characters share a file.
+
+    Returns:
+        The files and what is in them; files that do not hold what they should are written nevertheless.
 
     Raises:
-        ExportError: another ending, a missing exporter, or the disk refuses the file.
+        UserError: nobody to export, a stretched armature, a missing exporter, or the disk refuses a file; nothing is
+            written then.
     """
-    write = writer_of(path)
+    write = writer_of(profile.format)
+    _refuse_unfit(context, characters)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with shown(context, objects), tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
-            # Exporters of selected objects pass over hidden ones.
-            _select(context, objects)
-            part = Path(folder) / path.name
-            write(context, part)
-            part.replace(path)
+        folder.mkdir(parents=True, exist_ok=True)
+        with object_mode(context), tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as parts:
+            timing = timing_of(context.scene, profile.frame_rate)
+            performances, shot = _read(context, characters, None if profile.one_file_each else camera, timing)
+            casts = _casts(performances, profile, name)
+            with free_names(_names(casts, shot)):
+                written = [_write(context, cast, shot, timing, profile, Path(parts), write) for cast in casts]
+                checks = [
+                    verify(context, part, cast.nodes, cast.performances, timing, profile)
+                    for part, cast in zip(written, casts, strict=True)
+                ]
+            for part, cast in zip(written, casts, strict=True):
+                part.replace(folder / cast.file)
     except (OSError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error).strip().splitlines()[-1]
-        raise ExportError(f"cannot write {path}: {reason}; free some space or choose another place") from error
+        raise ExportError(f"cannot write to {folder}: {reason}; free some space or choose another place") from error
+    return Exported(tuple(folder / cast.file for cast in casts), tuple(check for group in checks for check in group))
 
 
-def writer_of(path: Path) -> Writer:
-    """The function that writes the selected objects in the format of a file's ending.
-
-    Raises:
-        ExportError: another ending.
-    """
-    writers = {".glb": _write_glb, ".fbx": _write_fbx}
-    writer = writers.get(path.suffix.lower())
-    if writer is None:
-        raise ExportError(f"cannot write {path.name}: choose a name that ends in .glb or .fbx")
-    return writer
+def _refuse_unfit(context: bpy.types.Context, characters: Sequence[Character]) -> None:
+    if not characters:
+        raise ExportError("nobody to export: select an armature, or a mesh that one moves")
+    for character in characters:
+        if character.armature.name not in context.view_layer.objects:
+            raise ExportError(f"'{character.armature.name}' is in no visible collection: include it in the view layer")
 
 
-def _write_glb(context: bpy.types.Context, path: Path) -> None:
-    render = context.scene.render
-    rate, base = render.fps, render.fps_base
-    # The exporter takes a base other than 1 for its inverse: see `glb_clock`.
-    render.fps_base = 1.0
-    try:
-        # "Active actions" is one animation in which every person moves; in the other modes a player shows one person
-        # at a time.
-        bpy.ops.export_scene.gltf(
-            filepath=str(path),
-            export_format="GLB",
-            use_selection=True,
-            export_animation_mode="ACTIVE_ACTIONS",
-            export_nla_strips_merged_animation_name=path.stem,
-            export_cameras=True,
-            export_extras=True,
-        )
-    finally:
-        render.fps, render.fps_base = rate, base
-    if base != 1.0:
-        stretch_clock(path, base)
+def _read(
+    context: bpy.types.Context, characters: Sequence[Character], camera: bpy.types.Object | None, timing: Timing
+) -> tuple[tuple[Performance, ...], Shot | None]:
+    """All that is needed of the user's scene; hidden things are shown meanwhile, as Blender does not move them."""
+    objects = [obj for character in characters for obj in (character.armature, *character.meshes)]
+    objects += [camera] if camera else []
+    with shown(context, [obj for obj in objects if obj.name in context.view_layer.objects]):
+        performances = tuple(perform(context, character, timing) for character in characters)
+        return performances, film(context, camera, timing) if camera else None
 
 
-def _write_fbx(_context: bpy.types.Context, path: Path) -> None:
-    # By default the exporter simplifies curves by millimetres, gives everybody the first person's action and adds
-    # bones at the ends.
-    bpy.ops.export_scene.fbx(
-        filepath=str(path),
-        use_selection=True,
-        object_types={"ARMATURE", "MESH", "CAMERA"},
-        add_leaf_bones=False,
-        use_custom_props=True,
-        mesh_smooth_type="FACE",
-        bake_anim=True,
-        bake_anim_use_all_actions=False,
-        bake_anim_use_nla_strips=False,
-        bake_anim_simplify_factor=0.0,
+def _casts(performances: tuple[Performance, ...], profile: Profile, name: str) -> tuple[Cast, ...]:
+    stem, ending = Path(name).stem, Path(name).suffix
+    if ending.lower() != f".{profile.format}":
+        stem, ending = name, f".{profile.format}"
+    if not profile.one_file_each:
+        alone = profile.armature_name if len(performances) == 1 else ""
+        nodes = tuple(alone or performance.name for performance in performances)
+        return (Cast(_file_name(stem, ending), performances, nodes),)
+    return tuple(
+        Cast(_file_name(f"{stem} {p.name}", ending), (p,), (profile.armature_name or p.name,)) for p in performances
     )
 
 
-def _select(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> None:
-    for other in context.view_layer.objects:
-        other.select_set(False)
-    for obj in objects:
-        obj.select_set(True)
+def _file_name(stem: str, ending: str) -> str:
+    """A file's name that every system takes."""
+    return ("".join("_" if sign in _FORBIDDEN else sign for sign in stem).strip() or "scene") + ending
+
+
+def _names(casts: Sequence[Cast], shot: Shot | None) -> set[str]:
+    """All names that the files' contents shall bear."""
+    names = {name for cast in casts for name in (*cast.nodes, Path(cast.file).stem)}
+    bodies = [body for cast in casts for performance in cast.performances for body in performance.bodies]
+    names |= {name for body in bodies for name in (body.name, body.data_name)}
+    return names | ({shot.name, shot.data_name} if shot else set())
+
+
+def _write(
+    context: bpy.types.Context,
+    cast: Cast,
+    shot: Shot | None,
+    timing: Timing,
+    profile: Profile,
+    folder: Path,
+    write: Writer,
+) -> Path:
+    """Write one file in a folder for parts, and give its path."""
+    path = folder / f"{Path(cast.file).stem}.{profile.format}"
+    with temporary_scene(context, path.stem) as scene:
+        scene.render.fps, scene.render.fps_base = split_rate(timing.rate)
+        scene.frame_start, scene.frame_end = int(timing.frames[0]), int(timing.frames[-1])
+        # So that Blender's FBX exporter writes the stage's units as the file's own.
+        scene.unit_settings.scale_length = 1 / units_of(profile)
+        for performance, node in zip(cast.performances, cast.nodes, strict=True):
+            stage(context, performance, timing, profile, node)
+        if shot is not None:
+            stage_camera(context, shot, timing, profile)
+        scene.frame_set(scene.frame_start - needs_rest_key(profile))
+        write(context, path, profile)
+    return path

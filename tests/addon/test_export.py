@@ -105,16 +105,15 @@ def test_fbx_has_every_person_with_their_own_motion(rate: Fraction, bpy: Any, ad
 
 
 def test_a_failed_export_keeps_the_old_file(bpy: Any, addon: Any, tmp_path: Path, monkeypatch: Any) -> None:
-    exporting = addon("export.exporting")
-    target = tmp_path / "scene.glb"
-    target.write_bytes(b"old")
+    take = make_take(TakeSpec(people=1, frames=3, points=8))
+    (tmp_path / "scene.glb").write_bytes(b"old")
 
-    def break_off(_context: Any, path: Path) -> None:
+    def break_off(_context: Any, path: Path, _profile: Any) -> None:
         path.write_bytes(b"half")
         raise RuntimeError("Error: the disk is full")
 
-    monkeypatch.setattr(exporting, "_write_glb", break_off)
-    with pytest.raises(exporting.ExportError, match="disk is full"):
-        exporting.export_objects(bpy.context, [], target)
-    assert target.read_bytes() == b"old"
+    monkeypatch.setattr(addon("export.writing"), "_write_glb", break_off)
+    with pytest.raises(addon("export.exporting").ExportError, match="disk is full"):
+        export(bpy, addon, take, tmp_path / "scene.glb")
+    assert (tmp_path / "scene.glb").read_bytes() == b"old"
     assert [p.name for p in tmp_path.iterdir()] == ["scene.glb"]
