@@ -44,7 +44,7 @@ def write_action(owner: bpy.types.ID, name: str, frames: NDArray[np.float64], cu
         for index in range(curve.values.shape[1]):
             f_curve = bag.fcurves.new(curve.path, index=index)
             f_curve.group = groups[curve.group]
-            _fill(f_curve, frames, curve.values[:, index], curve.interpolation)
+            fill(f_curve, frames, curve.values[:, index], curve.interpolation)
 
 
 def new_action(owner: bpy.types.ID, name: str) -> Any:
@@ -72,7 +72,8 @@ def _curve_container(action: Any, owner: bpy.types.ID) -> Any:
     return strip.channelbag(slot, ensure=True)
 
 
-def _fill(f_curve: Any, frames: NDArray[np.float64], values: NDArray[np.float64], interpolation: str) -> None:
+def fill(f_curve: Any, frames: NDArray[np.float64], values: NDArray[np.float64], interpolation: str) -> None:
+    """Give a new curve its keys: (T,) frames and values, all with one interpolation."""
     points = f_curve.keyframe_points
     points.add(len(frames))
     points.foreach_set("co", np.stack([frames, values], axis=1).astype(np.float32).ravel())
