@@ -1,0 +1,116 @@
+"""What is done in the window: every generator yields the seconds after which it goes on. Runs inside Blender."""
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).parent))
+import hands
+
+MODULE = "bl_ext.user_default.scene_aware_mocap"
+SECTIONS = ("solve", "import", "samples")
+
+
+def sections() -> Iterator[float]:
+    """The tab opens and every section of it draws."""
+    yield from hands.open_tab()
+    for name in SECTIONS:
+        panel = getattr(bpy.types, f"VIEW3D_PT_scene_aware_mocap_{name}")
+        assert panel.bl_category == hands.TAB
+    yield from hands.shoot("sections")
+    colours = {tuple(pixel) for pixel in hands.sidebar_picture().reshape(-1, 3)[::7]}
+    assert len(colours) > 20, "the sidebar is empty"
+
+
+def sample() -> Iterator[float]:
+    """The sample take comes in and plays before its footage."""
+    yield from hands.open_tab()
+    with hands.in_view():
+        assert bpy.ops.scene_aware_mocap.load_sample_take("EXEC_DEFAULT", True) == {"FINISHED"}
+    assert sum(o.type == "ARMATURE" for o in bpy.data.objects) == 3
+    yield 0.5
+    bpy.context.scene.frame_set(75)
+    with hands.in_view():
+        bpy.ops.view3d.view_camera()
+    yield from hands.shoot("sample")
+    with hands.in_view():
+        bpy.ops.screen.animation_play()
+    before = bpy.context.scene.frame_current
+    yield 2.0
+    assert bpy.context.scene.frame_current != before
+    with hands.in_view():
+        bpy.ops.screen.animation_cancel()
+        bpy.ops.ed.undo()
+    yield 0.5
+    assert not any(o.type == "ARMATURE" for o in bpy.data.objects)
+
+
+def solve() -> Iterator[float]:
+    """Blender stays responsive while the solver runs; the take comes in at the end."""
+    preferences = bpy.context.preferences.addons[MODULE].preferences
+    preferences.solver_python = os.environ["SOLVER_PYTHON"]
+    watch = sys.modules[f"{MODULE}.solving.watch"]
+    yield from hands.open_tab()
+    bar = hands.region("UI")
+    hands.click(bar.x + 60, bar.y + bar.height - 12)  # unfold the first section
+    yield 0.5
+    with hands.in_view():
+        assert bpy.ops.scene_aware_mocap.solve_video(video=os.environ["VIDEO"]) == {"FINISHED"}
+    assert watch.current() is not None
+    longest, last, fractions, shown = 0.0, time.monotonic(), set(), False
+    end = last + 60
+    while watch.current() is not None:
+        assert time.monotonic() < end, watch.current().process.lines
+        yield 0.05
+        now = time.monotonic()
+        longest, last = max(longest, now - last), now
+        running = watch.current()
+        if running is not None:
+            fractions.add(running.process.stage.fraction)
+            if running.process.stage.fraction > 0.3 and not shown:
+                shown = True
+                yield from hands.shoot("solving")
+                last = time.monotonic()
+    sys.stdout.write(f"longest wait {longest:.3f} s, {len(fractions)} fractions\n")
+    assert len(fractions) > 5
+    assert longest < 1.5  # a software-drawn window under Xvfb; the import itself included
+    assert watch.last_outcome().good, watch.last_outcome().message
+    assert sum(o.type == "ARMATURE" for o in bpy.data.objects) == 3
+    assert "all is well" in bpy.data.texts["Solve Log"].as_string()
+    yield from hands.shoot("solved")
+
+
+def cancel() -> Iterator[float]:
+    """Cancel stops the solver; the window says so and nothing comes in."""
+    preferences = bpy.context.preferences.addons[MODULE].preferences
+    preferences.solver_python = os.environ["SOLVER_PYTHON"]
+    watch = sys.modules[f"{MODULE}.solving.watch"]
+    before = len(bpy.data.objects)
+    with hands.in_view():
+        bpy.ops.scene_aware_mocap.solve_video(video=os.environ["VIDEO"])
+    yield 1.0
+    with hands.in_view():
+        assert bpy.ops.scene_aware_mocap.cancel_solve() == {"FINISHED"}
+    end = time.monotonic() + 20
+    while watch.current() is not None:
+        assert time.monotonic() < end
+        yield 0.1
+    assert "cancelled" in watch.last_outcome().message
+    assert len(bpy.data.objects) == before
+
+
+def quit_while_solving() -> Iterator[float]:
+    """Blender takes the solver along when it is closed."""
+    preferences = bpy.context.preferences.addons[MODULE].preferences
+    preferences.solver_python = os.environ["SOLVER_PYTHON"]
+    with hands.in_view():
+        bpy.ops.scene_aware_mocap.solve_video(video=os.environ["VIDEO"])
+    yield 0.5
+
+
+if __name__ == "__main__":
+    hands.run(globals()[sys.argv[-1]])
