@@ -4,12 +4,15 @@
 import bpy
 
 from .operators.import_take import ImportTake, TakeDrop, draw_import_entry
+from .operators.retarget import CastEntry, Retarget
 from .operators.sample import LoadSampleRig, LoadSampleTake
 from .operators.solve_video import CancelSolve, SolveVideo
 from .panels.import_section import ImportPanel
+from .panels.retarget import RetargetPanel
 from .panels.samples import SamplesPanel
 from .panels.solve import SolvePanel
 from .preferences import CheckSolver, MocapPreferences
+from .settings.retarget import MeasureRow, RetargetSettings
 from .settings.solve import SolveSettings
 from .solving import watch
 
@@ -27,9 +30,17 @@ _CLASSES = (
     LoadSampleRig,
     ImportPanel,
     SamplesPanel,
+    MeasureRow,
+    RetargetSettings,
+    CastEntry,
+    Retarget,
+    RetargetPanel,
 )
 # Settings of the sidebar's sections: the type they hang on, the name there, and the property group.
-_SETTINGS: tuple[tuple[type, str, type], ...] = ((bpy.types.Scene, "mocap_solve", SolveSettings),)
+_SETTINGS: tuple[tuple[type, str, type], ...] = (
+    (bpy.types.Scene, "mocap_solve", SolveSettings),
+    (bpy.types.Scene, "mocap_retarget", RetargetSettings),
+)
 
 
 def register() -> None:

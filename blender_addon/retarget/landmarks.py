@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bone_map import BoneMap
+from .rest import UP, body_frame
 from .roles import SIDES
 from .skeleton import Motion, Skeleton
 
@@ -58,12 +59,12 @@ def landmark(skeleton: Skeleton, bone: int, point: Array) -> Landmark:
 
 
 def floor_at_rest(skeleton: Skeleton, bone_map: BoneMap) -> float:
-    """The height in the world on which a skeleton stands at rest, metres."""
+    """How high the floor is on which a skeleton stands at rest, metres, along the body's own upright direction."""
+    up = body_frame(skeleton, bone_map)[:, UP]
     feet = _bones(skeleton, bone_map, "foot") + _bones(skeleton, bone_map, "toe")
-    lowest = min(float(min(skeleton.heads[i, 2], skeleton.tails[i, 2])) for i in feet)
-    origin = float(skeleton.to_world.translation[2])
-    hips = bone_map.bone("hips")
-    tall = float(skeleton.heads[skeleton.index(hips), 2]) - lowest if hips else 1.0
+    lowest = min(float(min(skeleton.heads[i] @ up, skeleton.tails[i] @ up)) for i in feet)
+    origin = float(skeleton.to_world.translation @ up)
+    tall = float(skeleton.heads[skeleton.index(bone_map.needed("hips"))] @ up) - lowest
     return origin if -0.02 * tall <= lowest - origin <= _STANDS_ON_ORIGIN * tall else lowest
 
 
@@ -74,8 +75,9 @@ def soles(skeleton: Skeleton, bone_map: BoneMap) -> tuple[Sole, Sole]:
         skeleton: at rest, standing.
         bone_map: with both feet; toes are used where there are some.
     """
-    floor = floor_at_rest(skeleton, bone_map)
-    left, right = (_sole(skeleton, bone_map, side, floor) for side in SIDES)
+    up = body_frame(skeleton, bone_map)[:, UP]
+    floor = floor_at_rest(skeleton, bone_map) * up
+    left, right = (_sole(skeleton, bone_map, side, floor, up) for side in SIDES)
     return left, right
 
 
@@ -85,14 +87,18 @@ def palms(skeleton: Skeleton, bone_map: BoneMap) -> tuple[Landmark, Landmark]:
     return left, right
 
 
-def _sole(skeleton: Skeleton, bone_map: BoneMap, side: str, floor: float) -> Sole:
+def _sole(skeleton: Skeleton, bone_map: BoneMap, side: str, floor: Array, up: Array) -> Sole:
     foot = skeleton.index(bone_map.needed(f"{side}_foot"))
     toe = bone_map.bone(f"{side}_toe")
     # The ball moves with the foot, not with the toes that bend in it.
     ball = skeleton.heads[skeleton.index(toe)] if toe else skeleton.tails[foot]
     ankle = skeleton.heads[foot]
-    under_ankle, under_ball = (np.array([point[0], point[1], floor]) for point in (ankle, ball))
-    return Sole(landmark(skeleton, foot, under_ankle), landmark(skeleton, foot, under_ball), float(ankle[2] - floor))
+    above_ankle, above_ball = (float((point - floor) @ up) for point in (ankle, ball))
+    return Sole(
+        landmark(skeleton, foot, ankle - above_ankle * up),
+        landmark(skeleton, foot, ball - above_ball * up),
+        above_ankle,
+    )
 
 
 def _palm(skeleton: Skeleton, bone_map: BoneMap, side: str) -> Landmark:

@@ -39,7 +39,7 @@ def cast(
     if not named:
         named = [(person, None) for person in _likely_people(context, common)]
     everybody = {obj for pair in named for obj in pair} | {common}
-    maps = {obj: map_of(context, obj, drive) for obj in everybody if obj is not None}
+    maps = {obj: map_of(obj, drive) for obj in everybody if obj is not None}
     return [
         Role(person, maps[person], own or common, maps[own or common], copied=copied and own is None)
         for person, own in named

@@ -17,6 +17,7 @@ from ..retarget.bone_map import BoneMap
 from ..retarget.contacts import detect_contacts
 from ..retarget.feet import standing_soles
 from ..retarget.ground import Ground
+from ..retarget.joining import joined, reordered
 from ..retarget.options import Options
 from ..retarget.roles import NEEDED
 from ..retarget.root_policy import root_of
@@ -144,7 +145,9 @@ def _actor(role: Role, frames: Array, notes: list[str]) -> Actor:
     if contacts is None:
         contacts = detect_contacts(person, role.person_map, motion)
         notes.append(f"'{role.person.name}' does not say when feet stand: taken from how low and slow they are")
-    return Actor(role.person.name, person, role.person_map, motion, contacts, read_skeleton(role.rig), role.rig_map)
+    return Actor(
+        role.person.name, person, role.person_map, motion, contacts, *joined(read_skeleton(role.rig), role.rig_map)
+    )
 
 
 def _contacts(person: Any, frames: Array) -> Array | None:
@@ -195,10 +198,12 @@ def _shown(
 
 
 def _key(rig: bpy.types.Object, role: Role, actor: Actor, motion: Motion, frames: Array) -> None:
-    bones = keyed_bones(actor.target, role.rig_map)
-    root = root_of(actor.target, role.rig_map)
-    moved = [role.rig_map.needed("hips"), *([actor.target.names[root]] if root is not None else [])]
-    write_motion(rig, actor.target, motion, f"{role.person.name} on {role.rig.name}", bones, frames, moved)
+    skeleton = read_skeleton(rig)
+    bones = keyed_bones(skeleton, actor.target_map)
+    root = root_of(skeleton, actor.target_map)
+    moved = [actor.target_map.needed("hips"), *([skeleton.names[root]] if root is not None else [])]
+    shown = reordered(motion, actor.target, skeleton)
+    write_motion(rig, skeleton, shown, f"{role.person.name} on {role.rig.name}", bones, frames, moved)
 
 
 def _spoken(parts: Sequence[str]) -> str:

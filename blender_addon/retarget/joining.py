@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rigs whose limbs do not hang together: feet that are bones of their own, legs that do not hang on the hips.
+
+Reckoning wants a body of one piece: all hangs on the hips, a hand on its forearm, a foot on its shin. Where the bones
+are keyed, in their own rig, they then leave their parents.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from .bone_map import BoneMap
+from .roles import SIDES, SPINE
+from .skeleton import Motion, Skeleton
+
+_HANGS_ON = {"foot": "shin", "toe": "foot", "hand": "forearm"}
+
+
+def joined(skeleton: Skeleton, bone_map: BoneMap) -> tuple[Skeleton, BoneMap]:
+    """A skeleton of one piece with the same bones in the same places, and its map.
+
+    What carries hips and legs becomes the hips; a hips bone that carries the trunk alone becomes part of the spine.
+
+    Args:
+        skeleton: any.
+        bone_map: with all needed roles.
+    """
+    bone_map = _with_carrying_hips(skeleton, bone_map)
+    parents = list(skeleton.parents)
+    hips = skeleton.index(bone_map.needed("hips"))
+    for side in SIDES:
+        thigh = skeleton.index(bone_map.needed(f"{side}_thigh"))
+        if not skeleton.below(hips)[thigh]:
+            parents[thigh] = hips
+        for limb, above in _HANGS_ON.items():
+            ends = bone_map.bone(f"{side}_{limb}"), bone_map.bone(f"{side}_{above}")
+            if None not in ends:
+                child, parent = (skeleton.names.index(name) for name in ends if name)
+                if not skeleton.below(parent)[child]:
+                    parents[child] = parent
+    return (skeleton if parents == list(skeleton.parents) else _rehung(skeleton, parents)), bone_map
+
+
+def reordered(motion: Motion, skeleton: Skeleton, other: Skeleton) -> Motion:
+    """The motion of one skeleton's bones in the order of another one, which has the same bones or some of them."""
+    order = [skeleton.index(name) for name in other.names]
+    return Motion(motion.times, motion.rotations[:, order], motion.heads[:, order])
+
+
+def _with_carrying_hips(skeleton: Skeleton, bone_map: BoneMap) -> BoneMap:
+    hips = skeleton.index(bone_map.needed("hips"))
+    thighs = [skeleton.index(bone_map.needed(f"{side}_thigh")) for side in SIDES]
+    carrier = hips
+    while carrier >= 0 and not skeleton.below(carrier)[thighs].all():
+        carrier = skeleton.parents[carrier]
+    if carrier in (hips, -1) or bone_map.role_of(skeleton.names[carrier]) is not None:
+        return bone_map
+    trunk = (("hips", skeleton.names[carrier]), (SPINE, skeleton.names[hips]))
+    return replace(bone_map, bones=(*trunk, *(pair for pair in bone_map.bones if pair[0] != "hips")))
+
+
+def _rehung(skeleton: Skeleton, parents: list[int]) -> Skeleton:
+    """The skeleton with other parents, sorted such that they come first again."""
+    order: list[int] = []
+    while len(order) < len(parents):
+        ready = [b for b, parent in enumerate(parents) if b not in order and (parent < 0 or parent in order)]
+        if not ready:
+            raise ValueError("a bone of the map hangs on what should hang on it")
+        order += ready
+    place = {bone: number for number, bone in enumerate(order)}
+    chosen = np.array(order)
+    return Skeleton(
+        names=tuple(skeleton.names[bone] for bone in order),
+        parents=tuple(place[parents[bone]] if parents[bone] >= 0 else -1 for bone in order),
+        heads=skeleton.heads[chosen],
+        axes=skeleton.axes[chosen],
+        lengths=skeleton.lengths[chosen],
+        to_world=skeleton.to_world,
+        turns_with_parent=skeleton.turns_with_parent[chosen],
+    )
