@@ -12,7 +12,7 @@ from .actor import Actor
 from .bone_map import BoneMap
 from .collisions import depth_between
 from .ground import Ground
-from .landmarks import palms, soles
+from .landmarks import Sole, palms, soles
 from .roles import SIDES
 from .skeleton import Motion, Skeleton
 from .touches import find_touches
@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 
 CONTACT = 0.5
 """From this probability on a foot stands."""
-NEAR_GROUND = 0.02
-"""A standing foot is kept when its sole is not further from the ground than this, metres."""
+KEPT = 0.02
+"""A standing foot is kept when its sole is not further than this from where the person's stands, metres."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ class Measures:
     Attributes:
         skate_mm: mean way of the sole's resting point per frame while the person's foot stands, millimetres.
         penetration_mm: mean depth of the soles below the ground while they stand, millimetres.
-        contact_recall: part of the frames of standing feet in which the sole is within 2 cm of the ground; 1 when
-            nobody stands.
+        contact_recall: part of the frames of standing feet in which the middle of the sole is within 2 cm of the place
+            where the person's stands, and the sole as high above the ground to within 2 cm; 1 when nobody stands.
         spacing_mm: largest error of the distance over the ground between two characters' hips.
         touch_mm: mean error of the way between two palms that touch; 0 when none do.
         overlap_mm: largest depth of one body inside another.
@@ -95,20 +95,31 @@ def _measures(
 def _feet(
     actor: Actor, skeleton: Skeleton, bone_map: BoneMap, motion: Motion, ground: Ground, scale: float
 ) -> tuple[Array, Array, Array]:
-    """Of both feet while they stand: ways per frame, depths below the ground (metres), and whether they are near it."""
+    """Of both feet while they stand: ways per frame, depths below the ground (metres), and whether they are kept."""
     steps, depths, kept = [], [], []
-    for sole, contact in zip(soles(skeleton, bone_map), actor.contacts.T, strict=True):
+    pairs = zip(soles(actor.source, actor.source_map), soles(skeleton, bone_map), actor.contacts.T, strict=True)
+    for person_sole, sole, contact in pairs:
         stands = contact >= CONTACT
-        points = np.stack([point.positions(motion) for point in (sole.heel, sole.ball)])
-        above = points[..., 2] - scale * ground.height(points[..., :2] / scale, points[..., 2] / scale)
+        person, rig = scale * _ends(person_sole, actor.motion), _ends(sole, motion)
+        wanted, above = (_lowest(points, ground, scale) for points in (person, rig))
+        aside = np.linalg.norm((rig - person)[..., :2].mean(axis=0), axis=-1)
         still = stands[1:] & stands[:-1]
         # A foot that rolls rests on one of its ends at a time.
-        moved = np.linalg.norm(np.diff(points, axis=1), axis=-1).min(axis=0)
-        lowest = above.min(axis=0)
+        moved = np.linalg.norm(np.diff(rig, axis=1), axis=-1).min(axis=0)
         steps.append(moved[still])
-        depths.append(np.maximum(-lowest[stands], 0.0))
-        kept.append(np.abs(lowest[stands]) <= NEAR_GROUND)
+        depths.append(np.maximum(-above[stands], 0.0))
+        kept.append((np.maximum(aside, np.abs(above - wanted)) <= KEPT)[stands])
     return np.concatenate(steps), np.concatenate(depths), np.concatenate(kept).astype(float)
+
+
+def _ends(sole: Sole, motion: Motion) -> Array:
+    """(2, T, 3) heel and ball."""
+    return np.stack([sole.heel.positions(motion), sole.ball.positions(motion)])
+
+
+def _lowest(ends: Array, ground: Ground, scale: float) -> Array:
+    """(T,) height above the ground of the lower end of a sole."""
+    return (ends[..., 2] - scale * ground.height(ends[..., :2] / scale, ends[..., 2] / scale)).min(axis=0)
 
 
 def _spacing_error(actors: Sequence[Actor], bodies: Sequence[tuple[Skeleton, BoneMap, Motion]], scale: float) -> float:

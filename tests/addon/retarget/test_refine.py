@@ -24,7 +24,7 @@ def test_people_stay_where_they_stood(addon: Any, sizes: tuple[float, float]) ->
     measures = addon("retarget.measures").measure_rigs(actors, refined, flat(addon))
     assert measures.spacing_mm < 20
     assert measures.skate_mm < 0.5
-    assert measures.contact_recall == 1.0
+    assert measures.penetration_mm < 0.1
     assert measures.touch_mm < 10
     hips = [motion.heads[:, actor.target.index("hips"), 0] for actor, motion in zip(actors, refined, strict=True)]
     assert (hips[0] < hips[1] - 0.5).all()
