@@ -134,10 +134,10 @@ class SolverProcess:
             self._keep(event["note"])
         elif "stage" in event:
             name, done, total = event["stage"], event["done"], event["total"]
-            goes_on = name == self.stage.name and done >= self.stage.done
-            now = time.monotonic()
-            self.stage = Stage(name, done, total, self.stage.began if goes_on else now)
-            if done >= total:
+            before, now = self.stage, time.monotonic()
+            goes_on = name == before.name and done >= before.done
+            self.stage = Stage(name, done, total, before.began if goes_on else now)
+            if done >= total and not (goes_on and before.done >= total):
                 self._keep(f"{name}: {total} done in {now - self.stage.began:.1f} s")
 
     def _keep(self, line: str) -> None:
