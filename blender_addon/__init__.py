@@ -3,6 +3,7 @@
 
 import bpy
 
+from . import translations
 from .operators.import_take import ImportTake, TakeDrop, draw_import_entry
 from .operators.retarget import CastEntry, Retarget
 from .operators.sample import LoadSampleRig, LoadSampleTake
@@ -49,10 +50,12 @@ def register() -> None:
     for owner, name, group in _SETTINGS:
         setattr(owner, name, bpy.props.PointerProperty(type=group))
     bpy.types.TOPBAR_MT_file_import.append(draw_import_entry)
+    translations.register()
 
 
 def unregister() -> None:
     watch.stop()
+    translations.unregister()
     bpy.types.TOPBAR_MT_file_import.remove(draw_import_entry)
     for owner, name, _ in reversed(_SETTINGS):
         delattr(owner, name)
