@@ -34,7 +34,7 @@ def _words(name: str) -> list[str]:
     """Lower-case words without namespace; numbers without leading zeros; sides written out."""
     words: list[str] = []
     for word in _WORDS.findall(re.split(r"[:|]", name)[-1]):
-        small = word.lower()
+        small = str(word).lower()
         side = next((s for s in ("left", "right") if small.startswith(s) and small != s), "")
         if small.isdecimal():
             words.append(str(int(small)))
