@@ -75,13 +75,13 @@ class SolverProcess:
             request.log.parent.mkdir(parents=True, exist_ok=True)
             self._log = request.log.open("w", encoding="utf-8")
         except OSError as error:
-            raise SolverError(f"The solver's log cannot be written: {error}") from error
+            raise SolverError(f"the solver's log cannot be written: {error}") from error
         try:
             self._child = _start(command)
         except OSError as error:
             self._log.close()
             request.log.unlink()
-            raise SolverError(f"The solver cannot be started: {error}") from error
+            raise SolverError(f"the solver cannot be started: {error}") from error
         threading.Thread(target=_listen, args=(self._child.stdout, self._said), daemon=True).start()
 
     def poll(self) -> bool:
@@ -118,13 +118,13 @@ class SolverProcess:
             SolverError: it failed or was stopped; says why.
         """
         if self.cancelled:
-            raise SolverError("The solve was cancelled: nothing was written")
+            raise SolverError("the solve was cancelled: nothing was written")
         if self._child.returncode != 0:
             reason = next((line for line in reversed(self.lines) if line.startswith("error: ")), None)
             code = self._child.returncode
-            raise SolverError(reason.removeprefix("error: ") if reason else f"The solver ended with code {code}")
+            raise SolverError(reason.removeprefix("error: ") if reason else f"the solver ended with code {code}")
         if not self.request.take.is_file():
-            raise SolverError("The solver has written no take")
+            raise SolverError("the solver has written no take")
 
     def _hear(self, line: str) -> None:
         event = _event(line)

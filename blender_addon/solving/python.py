@@ -27,13 +27,13 @@ def find_python(place: str) -> Path:
         SolverError: there is none.
     """
     if not place:
-        raise SolverError("No Python with the solver is chosen: set it in the preferences of Scene-Aware Mocap")
+        raise SolverError("no Python with the solver is chosen: set it in the preferences of Scene-Aware Mocap")
     # Made absolute without following links: an environment's python is a link, and followed it forgets its packages.
     path = Path(place).expanduser().absolute()
     candidates = [path / name for name in _IN_ENVIRONMENT] if path.is_dir() else [path]
     found = next((candidate for candidate in candidates if candidate.is_file()), None)
     if found is None:
-        raise SolverError(f"There is no Python at {path}: choose the interpreter or its environment's folder")
+        raise SolverError(f"there is no Python at {path}: choose the interpreter or its environment's folder")
     return found
 
 

@@ -57,16 +57,16 @@ class SolveRequest:
             UserError: what is wrong and what to do.
         """
         if not self.video.is_file():
-            raise UserError(f"There is no video at {self.video}: choose the file")
+            raise UserError(f"there is no video at {self.video}: choose the file")
         if self.take.suffix != ".npz":
             raise UserError(f"{self.take.name} is no name for a take: it must end in .npz")
         folder = next((place for place in self.take.parents if place.exists()), None)
         if folder is None or not folder.is_dir() or not os.access(folder, os.W_OK):
-            raise UserError(f"Nothing can be written in {self.take.parent}: choose another place for the take")
+            raise UserError(f"nothing can be written in {self.take.parent}: choose another place for the take")
         if self.camera and self.fov_degrees:
-            raise UserError("A camera file and a field of view contradict each other: give one of them")
+            raise UserError("a camera file and a field of view contradict each other: give one of them")
         if self.end_s and self.end_s <= self.start_s:
-            raise UserError(f"The end at {self.end_s:g} s is not after the start at {self.start_s:g} s")
+            raise UserError(f"the end at {self.end_s:g} s is not after the start at {self.start_s:g} s")
 
     def words(self) -> list[str]:
         """What follows the program's name on a command line."""

@@ -73,7 +73,7 @@ def begin(python: Path, request: SolveRequest, *, import_result: bool) -> None:
     """
     global _watch, _outcome
     if _watch is not None:
-        raise UserError("A video is being solved already: wait or cancel it")
+        raise UserError("a video is being solved already: wait or cancel it")
     _watch, _outcome = Watch(SolverProcess(python, request), import_result), None
     bpy.app.handlers.load_post.append(_another_file)
     bpy.app.timers.register(_look, first_interval=_EVERY_S, persistent=True)

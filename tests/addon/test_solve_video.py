@@ -109,7 +109,7 @@ def test_the_words_are_the_command_lines(addon: Any, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"video": "missing.mp4"}, "There is no video at"),
+        ({"video": "missing.mp4"}, "there is no video at"),
         ({"output": "take.txt"}, "must end in .npz"),
         ({"output": "clip.mp4/take.npz"}, "choose another place"),
         ({"camera": "c.json", "fov_degrees": 60.0}, "give one of them"),
@@ -137,7 +137,7 @@ def test_a_python_is_found_by_its_path_or_its_environment(addon: Any, tmp_path: 
         assert find(str(place.parents[1])) == place
     with pytest.raises(UserError, match="preferences"):
         find("")
-    with pytest.raises(UserError, match="There is no Python at"):
+    with pytest.raises(UserError, match="there is no Python at"):
         find(str(tmp_path / "nowhere"))
     with pytest.raises(UserError, match="environment's folder"):
         find(str(tmp_path))
