@@ -5,17 +5,20 @@ import bpy
 
 from . import translations
 from .operators.bone_map import DetectBones, LoadBoneMap, LoadVrmMap, MendBoneMap, SaveBoneMap
+from .operators.export import Export
 from .operators.import_take import ImportTake, TakeDrop, draw_import_entry
 from .operators.retarget import CastEntry, Retarget
 from .operators.sample import LoadSampleRig, LoadSampleTake
 from .operators.solve_video import CancelSolve, SolveVideo
 from .panels.bone_map import BoneMapPanel, BoneMapPresetsMenu
+from .panels.export_section import ExportPanel
 from .panels.import_section import ImportPanel
 from .panels.retarget import RetargetPanel
 from .panels.samples import SamplesPanel
 from .panels.solve import SolvePanel
 from .preferences import CheckSolver, MocapPreferences
 from .settings.bone_map import BoneMapSettings, ProblemEntry, RigMap, RoleEntry
+from .settings.export import CheckRow, ExportSettings
 from .settings.retarget import MeasureRow, RetargetSettings
 from .settings.solve import SolveSettings
 from .solving import watch
@@ -50,12 +53,17 @@ _CLASSES = (
     SaveBoneMap,
     BoneMapPresetsMenu,
     BoneMapPanel,
+    CheckRow,
+    ExportSettings,
+    Export,
+    ExportPanel,
 )
 # Settings of the sidebar's sections: the type they hang on, the name there, and the property group.
 _SETTINGS: tuple[tuple[type, str, type], ...] = (
     (bpy.types.Scene, "mocap_solve", SolveSettings),
     (bpy.types.Scene, "mocap_retarget", RetargetSettings),
     (bpy.types.Scene, "mocap_bone_map", BoneMapSettings),
+    (bpy.types.Scene, "mocap_export", ExportSettings),
 )
 
 

@@ -254,4 +254,4 @@ def _copy_body(
         staged.vertex_groups.new(name=body.carrier).add(range(len(staged.data.vertices)), 1.0, "REPLACE")
         staged.modifiers.new("Armature", "ARMATURE").object = armature
     groups = list(staged.vertex_groups)
-    _rename(groups, [new_names.get(group.name, group.name) for group in groups])
+    _rename(groups, [str(new_names.get(group.name, group.name)) for group in groups])

@@ -36,12 +36,13 @@ def _write_glb(context: bpy.types.Context, path: Path, _profile: Profile) -> Non
     # The exporter takes a base other than 1 for its inverse: see `glb_clock`.
     render.fps_base = 1.0
     # "Active actions" is one animation in which every person moves; in the other modes a player shows one person at a
-    # time.
+    # time. A single armature would get all actions of the user's file that fit it.
     bpy.ops.export_scene.gltf(
         filepath=str(path),
         export_format="GLB",
         use_active_scene=True,
         export_animation_mode="ACTIVE_ACTIONS",
+        export_anim_single_armature=False,
         export_nla_strips_merged_animation_name=path.stem,
         export_cameras=True,
         export_extras=True,
