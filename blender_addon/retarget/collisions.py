@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .actor import Actor
 from .segments import Segment, closest_between, ends, segments
-from .skeleton import Motion, Skeleton
+from .skeleton import Motion
 
 Array = NDArray[np.float64]
 
@@ -61,20 +61,19 @@ def depth_between(actors: Sequence[Actor], motions: Sequence[Motion], *, of_rigs
     deepest = np.zeros(len(motions[0].times))
     for first, second in combinations(range(len(actors)), 2):
         bodies = [_body(actors[who], of_rigs=of_rigs) for who in (first, second)]
-        for one, two in product(bodies[0][1], bodies[1][1]):
-            depth, *_ = _depth((bodies[0][0], motions[first], one), (bodies[1][0], motions[second], two))
+        for one, two in product(*bodies):
+            depth, *_ = _depth((motions[first], one), (motions[second], two))
             deepest = np.maximum(deepest, depth)
     return deepest
 
 
-def _body(actor: Actor, *, of_rigs: bool) -> tuple[Skeleton, tuple[Segment, ...]]:
-    skeleton, bone_map = (actor.target, actor.target_map) if of_rigs else (actor.source, actor.source_map)
-    return skeleton, segments(skeleton, bone_map)
+def _body(actor: Actor, *, of_rigs: bool) -> tuple[Segment, ...]:
+    return segments(actor.target, actor.target_map) if of_rigs else segments(actor.source, actor.source_map)
 
 
 def _parts(actor: Actor) -> list[tuple[Segment, Segment]]:
     """Parts of the person with the same parts of the rig."""
-    return list(zip(_body(actor, of_rigs=False)[1], _body(actor, of_rigs=True)[1], strict=True))
+    return list(zip(_body(actor, of_rigs=False), _body(actor, of_rigs=True), strict=True))
 
 
 def _overlap(
@@ -84,23 +83,17 @@ def _overlap(
     motions: Sequence[Motion],
 ) -> Overlap | None:
     (who, part, rig_part), (other, other_part, other_rig_part) = first, second
-    depth, s, t, normal = _depth(
-        (actors[who].target, motions[who], rig_part), (actors[other].target, motions[other], other_rig_part)
-    )
+    depth, s, t, normal = _depth((motions[who], rig_part), (motions[other], other_rig_part))
     if not (depth > 0).any():
         return None
-    before, *_ = _depth(
-        (actors[who].source, actors[who].motion, part), (actors[other].source, actors[other].motion, other_part)
-    )
+    before, *_ = _depth((actors[who].motion, part), (actors[other].motion, other_part))
     excess = np.maximum(depth - np.maximum(before, 0.0), 0.0)
     if not (excess > 0).any():
         return None
     return Overlap((who, rig_part), (other, other_rig_part), s, t, normal, excess)
 
 
-def _depth(
-    first: tuple[Skeleton, Motion, Segment], second: tuple[Skeleton, Motion, Segment]
-) -> tuple[Array, Array, Array, Array]:
+def _depth(first: tuple[Motion, Segment], second: tuple[Motion, Segment]) -> tuple[Array, Array, Array, Array]:
     """How deep two parts overlap (T,), where on each (T,), (T,), and the way apart (T, 3)."""
     a, b = ends(*first)
     c, d = ends(*second)
@@ -108,4 +101,4 @@ def _depth(
     between = a + s[:, None] * (b - a) - c - t[:, None] * (d - c)
     distance = np.linalg.norm(between, axis=-1)
     normal = between / np.maximum(distance, 1e-9)[:, None]
-    return first[2].radius + second[2].radius - distance, s, t, normal
+    return first[1].radius + second[1].radius - distance, s, t, normal

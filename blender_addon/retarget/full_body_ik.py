@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from core_solver.geometry import matrix_from_rotvec
 
 from .bone_map import BoneMap
-from .landmarks import Landmark
+from .landmarks import Landmark, landmark
 from .roles import SIDES
 from .skeleton import Motion, Skeleton
 
@@ -307,7 +307,8 @@ def _hinge(skeleton: Skeleton, bone_map: BoneMap, style: Motion, side: str, kind
     rest_axis = left if kind == "shin" else _unit(np.cross(first_rest, facing))
     carried = style.rotations[:, start] @ (skeleton.axes[start].T @ rest_axis)
     first = _unit(style.heads[:, middle] - style.heads[:, start])
-    tip = style.heads[:, skeleton.index(last)] if last else style.heads[:, middle] + style.rotations[:, middle, :, 1]
+    ahead = landmark(skeleton, middle, skeleton.end(middle))
+    tip = style.heads[:, skeleton.index(last)] if last else ahead.positions(style)
     second = _unit(tip - style.heads[:, middle])
     # The plane it is bent in says more than the rest pose, once it is bent.
     carried = carried - np.sum(carried * first, axis=-1, keepdims=True) * first

@@ -5,15 +5,14 @@ Reckoning wants a body of one piece: all hangs on the hips, a hand on its forear
 are keyed, in their own rig, they then leave their parents.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from .bone_map import BoneMap
 from .roles import SIDES, SPINE
 from .skeleton import Motion, Skeleton
 
-_HANGS_ON = {"foot": "shin", "toe": "foot", "hand": "forearm"}
+_HANGS_ON = {"shin": "thigh", "foot": "shin", "toe": "foot", "forearm": "upper_arm", "hand": "forearm"}
 
 
 def joined(skeleton: Skeleton, bone_map: BoneMap) -> tuple[Skeleton, BoneMap]:
@@ -38,7 +37,7 @@ def joined(skeleton: Skeleton, bone_map: BoneMap) -> tuple[Skeleton, BoneMap]:
                 child, parent = (skeleton.names.index(name) for name in ends if name)
                 if not skeleton.below(parent)[child]:
                     parents[child] = parent
-    return (skeleton if parents == list(skeleton.parents) else _rehung(skeleton, parents)), bone_map
+    return (skeleton if parents == list(skeleton.parents) else rehung(skeleton, parents)), bone_map
 
 
 def reordered(motion: Motion, skeleton: Skeleton, other: Skeleton) -> Motion:
@@ -59,19 +58,40 @@ def _with_carrying_hips(skeleton: Skeleton, bone_map: BoneMap) -> BoneMap:
     return replace(bone_map, bones=(*trunk, *(pair for pair in bone_map.bones if pair[0] != "hips")))
 
 
-def _rehung(skeleton: Skeleton, parents: list[int]) -> Skeleton:
-    """The skeleton with other parents, sorted such that they come first again."""
+def only(skeleton: Skeleton, names: Sequence[str]) -> Skeleton:
+    """Some bones of a skeleton, each hanging on the nearest of them above it."""
+    kept = [bone for bone, name in enumerate(skeleton.names) if name in names]
+    place = {bone: number for number, bone in enumerate(kept)} | {-1: -1}
+    parents = []
+    for bone in kept:
+        parent = skeleton.parents[bone]
+        while parent not in place:
+            parent = skeleton.parents[parent]
+        parents.append(place[parent])
+    return _picked(skeleton, kept, parents)
+
+
+def rehung(skeleton: Skeleton, parents: Sequence[int]) -> Skeleton:
+    """The skeleton with other parents, sorted such that they come first again.
+
+    Raises:
+        ValueError: bones hang on each other.
+    """
     order: list[int] = []
     while len(order) < len(parents):
         ready = [b for b, parent in enumerate(parents) if b not in order and (parent < 0 or parent in order)]
         if not ready:
-            raise ValueError("a bone of the map hangs on what should hang on it")
+            raise ValueError("bones of the map hang on each other")
         order += ready
-    place = {bone: number for number, bone in enumerate(order)}
-    chosen = np.array(order)
+    place = {bone: number for number, bone in enumerate(order)} | {-1: -1}
+    return _picked(skeleton, order, [place[parents[bone]] for bone in order])
+
+
+def _picked(skeleton: Skeleton, bones: Sequence[int], parents: Sequence[int]) -> Skeleton:
+    chosen = list(bones)
     return Skeleton(
-        names=tuple(skeleton.names[bone] for bone in order),
-        parents=tuple(place[parents[bone]] if parents[bone] >= 0 else -1 for bone in order),
+        names=tuple(skeleton.names[bone] for bone in chosen),
+        parents=tuple(parents),
         heads=skeleton.heads[chosen],
         axes=skeleton.axes[chosen],
         lengths=skeleton.lengths[chosen],

@@ -91,7 +91,7 @@ def _sole(skeleton: Skeleton, bone_map: BoneMap, side: str, floor: Array, up: Ar
     foot = skeleton.index(bone_map.needed(f"{side}_foot"))
     toe = bone_map.bone(f"{side}_toe")
     # The ball moves with the foot, not with the toes that bend in it.
-    ball = skeleton.heads[skeleton.index(toe)] if toe else skeleton.tails[foot]
+    ball = skeleton.heads[skeleton.index(toe)] if toe else skeleton.end(foot)
     ankle = skeleton.heads[foot]
     above_ankle, above_ball = (float((point - floor) @ up) for point in (ankle, ball))
     return Sole(
@@ -105,7 +105,7 @@ def _palm(skeleton: Skeleton, bone_map: BoneMap, side: str) -> Landmark:
     forearm = skeleton.index(bone_map.needed(f"{side}_forearm"))
     hand = bone_map.bone(f"{side}_hand")
     bone = skeleton.index(hand) if hand else forearm
-    wrist = skeleton.heads[bone] if hand else skeleton.tails[forearm]
+    wrist = skeleton.heads[bone] if hand else skeleton.end(forearm)
     return landmark(skeleton, bone, wrist + _PALM * (wrist - skeleton.heads[forearm]))
 
 

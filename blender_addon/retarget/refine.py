@@ -180,9 +180,8 @@ def _add_overlap(overlap: Overlap, motions: list[Motion], goals: list[list[Goal]
 
 def _on_line(part: Segment, along: Array) -> tuple[tuple[Landmark, ...], Array]:
     """A place on a capsule's line, by its two ends."""
-    if part.start == part.end:
-        return (Landmark(part.start, np.zeros(3)),), np.ones((1, len(along)))
-    points = (Landmark(part.start, np.zeros(3)), Landmark(part.end, np.zeros(3)))
+    last = Landmark(part.start, part.tip) if part.start == part.end else Landmark(part.end, np.zeros(3))
+    points = (Landmark(part.start, np.zeros(3)), last)
     return points, np.stack([1 - along, along])
 
 

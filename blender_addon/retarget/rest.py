@@ -85,7 +85,7 @@ def _direction(skeleton: Skeleton, bone_map: BoneMap, side: str, limb: str) -> A
     """From a limb's joint to its next one, or to the end of its bone where that is missing."""
     bone = skeleton.index(bone_map.needed(f"{side}_{limb}"))
     following = bone_map.bone(f"{side}_{'toe' if limb == 'foot' else _POINTS_TO[limb]}")
-    end = skeleton.heads[skeleton.index(following)] if following else skeleton.tails[bone]
+    end = skeleton.heads[skeleton.index(following)] if following else skeleton.end(bone)
     return end - skeleton.heads[bone]
 
 

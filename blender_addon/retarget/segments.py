@@ -30,14 +30,16 @@ class Segment:
 
     Attributes:
         role: part of the body: "trunk", "head", "left_forearm", ...
-        start, end: bones at whose heads the line begins and ends; `end` may be `start` for its own tail.
+        start, end: bones at whose heads the line begins and ends; the same one for a line that ends at `tip`.
         radius: metres.
+        tip: (3,) from the head of a bone on which nothing follows to the line's end, in the bone's axes, metres.
     """
 
     role: str
     start: int
     end: int
     radius: float
+    tip: Array
 
 
 def height(skeleton: Skeleton, bone_map: BoneMap) -> float:
@@ -62,17 +64,20 @@ def segments(skeleton: Skeleton, bone_map: BoneMap) -> tuple[Segment, ...]:
 
 
 def _segment(skeleton: Skeleton, bone_map: BoneMap, role: str, start: str, end: str | None, radius: float) -> Segment:
-    first = bone_map.needed(start)
-    last = bone_map.bone(end) if end else None
-    return Segment(role, skeleton.index(first), skeleton.index(last or first), radius)
+    first = skeleton.index(bone_map.needed(start))
+    following = bone_map.bone(end) if end else None
+    last = skeleton.index(following) if following else first
+    # Nothing follows on the head: skulls are round, their bones are drawn as anybody likes.
+    way = 2 * radius * np.array([0.0, 0.0, 1.0]) if role == "head" else skeleton.end(first) - skeleton.heads[first]
+    return Segment(role, first, last, radius, skeleton.axes[first].T @ way)
 
 
-def ends(skeleton: Skeleton, motion: Motion, segment: Segment) -> tuple[Array, Array]:
+def ends(motion: Motion, segment: Segment) -> tuple[Array, Array]:
     """(T, 3), (T, 3) where a capsule's line begins and ends in each frame."""
     start = motion.heads[:, segment.start]
     if segment.end != segment.start:
         return start, motion.heads[:, segment.end]
-    return start, start + skeleton.lengths[segment.start] * motion.rotations[:, segment.start, :, 1]
+    return start, start + motion.rotations[:, segment.start] @ segment.tip
 
 
 def closest_on_line(start: Array, end: Array, points: Array) -> Array:

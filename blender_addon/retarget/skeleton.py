@@ -45,6 +45,15 @@ class Skeleton:
         """Place of a bone; raises ValueError for an unknown one."""
         return self.names.index(name)
 
+    def end(self, bone: int) -> Array:
+        """(3,) where a limb goes on at rest: the middle of the bones that hang on its end, else its tail.
+
+        Tails in files from elsewhere often say nothing: they may all point up.
+        """
+        ways = self.heads[[child for child, parent in enumerate(self.parents) if parent == bone]] - self.heads[bone]
+        far = np.linalg.norm(ways, axis=1) > 0.5 * np.linalg.norm(ways, axis=1).max(initial=self.lengths[bone])
+        return self.heads[bone] + ways[far].mean(axis=0) if far.any() else self.tails[bone]
+
     def below(self, bone: int) -> NDArray[np.bool_]:
         """(B,) which bones hang on one, itself included."""
         found = np.arange(len(self.names)) == bone

@@ -160,7 +160,7 @@ def _near_a_palm(palms_of_other: list[Array], place: Array) -> NDArray[np.bool_]
 
 
 def _to_segment(place: Array, actor: Actor, part: Segment) -> tuple[Array, Array, Array]:
-    start, end = ends(actor.source, actor.motion, part)
+    start, end = ends(actor.motion, part)
     along = closest_on_line(start, end, place)
     offset = place - (start + along[:, None] * (end - start))
     return along, offset, np.linalg.norm(offset, axis=-1) - part.radius

@@ -79,7 +79,7 @@ def test_a_hand_on_another_body_stays_there(addon: Any) -> None:
     refined = addon("retarget.refine").refine(actors, [copied(addon, a) for a in actors], flat(addon))
     palm = marks.palms(actors[0].target, actors[0].target_map)[1].positions(refined[0])
     arm = next(p for p in parts.segments(actors[1].target, actors[1].target_map) if p.role == "right_forearm")
-    start, end = parts.ends(actors[1].target, refined[1], arm)
+    start, end = parts.ends(refined[1], arm)
     along = parts.closest_on_line(start, end, palm)
     gap = np.linalg.norm(palm - start - along[:, None] * (end - start), axis=1) - arm.radius
     # While arms rise and sink, palms pass each other closely too, which draws to another place.

@@ -59,3 +59,24 @@ def matrices(quaternions: np.ndarray) -> np.ndarray:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.moveaxis(np.array([[np.asarray(v) for v in row] for row in rows]), (0, 1), (-2, -1))
+
+
+def test_a_bone_leads_to_what_hangs_on_its_end(addon: Any) -> None:
+    """Fingers say where a forearm goes, a bone that only twists it does not; with neither it is its own tail."""
+    forearm, twist, finger, thumb = [0.0, 0, 0], [0.1, 0, 0], [0.25, 0.02, 0], [0.25, -0.02, 0]
+    for heads, parents, end in (
+        ([forearm, twist, finger, thumb], (-1, 0, 0, 0), [0.25, 0, 0]),
+        ([forearm, twist], (-1, 0), [0, 0.3, 0]),
+        ([forearm], (-1,), [0, 0.3, 0]),
+    ):
+        count = len(heads)
+        skeleton = addon("retarget.skeleton").Skeleton(
+            names=tuple("abcd"[:count]),
+            parents=parents,
+            heads=np.array(heads),
+            axes=np.tile(np.eye(3), (count, 1, 1)),
+            lengths=np.full(count, 0.3 if count < 4 else 0.01),
+            to_world=Similarity(np.eye(3), np.zeros(3)),
+            turns_with_parent=np.ones(count, bool),
+        )
+        np.testing.assert_allclose(skeleton.end(0), end, atol=1e-12)
