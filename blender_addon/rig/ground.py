@@ -13,15 +13,15 @@ from ..scene_import.point_cloud import MARK
 Array = NDArray[np.float64]
 
 
-def cloud_points(obj: bpy.types.Object) -> Array:
-    """(P, 3) world, metres: the points of all clouds that belong to the takes of a person's collections.
-
-    A person's own take is looked for first, which lies in the same collection as the person's; where it has no cloud,
-    all of the scene's count.
-    """
+def clouds_of(obj: bpy.types.Object) -> list[bpy.types.Object]:
+    """The clouds of the take that an armature came with; all of the scene where that take has none."""
     clouds = [cloud for cloud in bpy.context.scene.objects if MARK in cloud and cloud.type == "MESH"]
-    own = [cloud for cloud in clouds if _take_of(cloud) & _take_of(obj)]
-    points = [_points(cloud) for cloud in own or clouds]
+    return [cloud for cloud in clouds if _take_of(cloud) & _take_of(obj)] or clouds
+
+
+def cloud_points(obj: bpy.types.Object) -> Array:
+    """(P, 3) world, metres: the points of a person's clouds."""
+    points = [_points(cloud) for cloud in clouds_of(obj)]
     return np.concatenate(points) if points else np.zeros((0, 3))
 
 
