@@ -19,6 +19,8 @@ def temporary_scene(context: bpy.types.Context, name: str) -> Iterator[bpy.types
         name: of the scene.
     """
     window, former = context.window, context.window.scene
+    # A view through the camera falls back to a free one when its scene goes.
+    views = [(space.region_3d, space.region_3d.view_perspective) for space in _views_of(window)]
     before = {datablock.as_pointer() for datablock in _datablocks()}
     scene = bpy.data.scenes.new(name)
     try:
@@ -26,6 +28,8 @@ def temporary_scene(context: bpy.types.Context, name: str) -> Iterator[bpy.types
         yield scene
     finally:
         window.scene = former
+        for view, perspective in views:
+            view.view_perspective = perspective
         bpy.data.batch_remove([datablock for datablock in _datablocks() if datablock.as_pointer() not in before])
 
 
@@ -58,6 +62,11 @@ def free_names(names: Iterable[str]) -> Iterator[None]:
     finally:
         for block, name in holders:
             block.name = name
+
+
+def _views_of(window: bpy.types.Window) -> list[bpy.types.SpaceView3D]:
+    spaces = (area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D")
+    return [space for space in spaces if space.region_3d is not None]
 
 
 def _datablocks() -> Iterator[bpy.types.ID]:
