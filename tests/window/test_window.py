@@ -44,6 +44,11 @@ def test_the_sample_take_plays_and_can_be_undone(window: Window) -> None:
     window.run("sample")
 
 
+def test_the_tutorial_leads_to_a_glb(window: Window, tmp_path: Path) -> None:
+    window.run("tutorial", FOLDER=str(tmp_path))
+    assert (tmp_path / "handshake.glb").stat().st_size > 100_000
+
+
 def test_blender_stays_responsive_while_a_video_is_solved(window: Window, solver: dict[str, str]) -> None:
     said = window.run("solve", **solver)
     assert "longest wait" in said

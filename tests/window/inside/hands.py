@@ -16,7 +16,9 @@ import bpy
 import numpy as np
 
 TAB = "Mocap"
-_HEADER = 24  # pixels from one folded section's header to the next, and a little
+SECTIONS = ("solve", "import", "clean", "retarget", "export")
+_SECTION = "VIEW3D_PT_scene_aware_mocap_"
+_HEADER = 28  # pixels from one folded section's header to the next
 
 
 def run(steps: Callable[[], Iterator[float]]) -> None:
@@ -89,6 +91,21 @@ def open_tab() -> Iterator[float]:
         scroll(bar.x + bar.width - 8, bar.y + bar.height - 40, "WHEELDOWNMOUSE", ctrl=True)
         yield 0.3
     raise AssertionError(f"no tab {TAB} in the sidebar")
+
+
+def open_section(name: str) -> Iterator[float]:
+    """Unfold one section and fold all others, as a Ctrl-click on a header does."""
+    panels = [f"{_SECTION}{other}" for other in SECTIONS]
+    place = [panel for panel in panels if hasattr(bpy.types, panel)].index(f"{_SECTION}{name}")
+    bar = region("UI")
+    x, top = bar.x + 60, bar.y + bar.height - 14
+    click(x, top, ctrl=True)
+    yield 0.5
+    if place:
+        click(x, top)
+        yield 0.5
+        click(x, top - place * _HEADER)
+        yield 0.5
 
 
 def shoot(name: str) -> Iterator[float]:

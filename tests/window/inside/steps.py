@@ -12,13 +12,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 import hands
 
 MODULE = "bl_ext.user_default.scene_aware_mocap"
-SECTIONS = ("solve", "import", "samples")
 
 
 def sections() -> Iterator[float]:
     """The tab opens and every section of it draws."""
     yield from hands.open_tab()
-    for name in SECTIONS:
+    for name in hands.SECTIONS:
         panel = getattr(bpy.types, f"VIEW3D_PT_scene_aware_mocap_{name}")
         assert panel.bl_category == hands.TAB
     yield from hands.shoot("sections")
@@ -49,15 +48,65 @@ def sample() -> Iterator[float]:
     assert not any(o.type == "ARMATURE" for o in bpy.data.objects)
 
 
+def tutorial() -> Iterator[float]:
+    """docs/first_steps.md, step by step, with what its pictures show."""
+    yield from hands.open_tab()
+    with hands.in_view():
+        bpy.ops.object.select_all(action="SELECT")
+        bpy.ops.object.delete()
+        bpy.ops.scene_aware_mocap.load_sample_take("INVOKE_DEFAULT", True)
+    yield from hands.open_section("import")
+    bpy.context.scene.frame_set(75)
+    with hands.in_view():
+        bpy.ops.view3d.view_camera()
+    yield from hands.shoot("first_steps_take")
+    with hands.in_view():
+        bpy.ops.scene_aware_mocap.load_sample_rig("INVOKE_DEFAULT", True)
+    rig = bpy.data.objects["Sample Rig"]
+    bpy.context.scene.mocap_retarget.rig = rig
+    yield from hands.open_section("retarget")
+    with hands.in_view():
+        _select(obj for obj in bpy.data.objects if "person_id" in obj)
+        _press("retarget", bpy.context.scene.mocap_retarget, rig=rig.name)
+    rigs = [f"Sample Rig {name}" for name in ("Ada", "Ben", "Cleo")]
+    assert all(name in bpy.data.objects for name in rigs), list(bpy.data.objects.keys())
+    yield from hands.shoot("first_steps_retarget")
+    yield from hands.open_section("export")
+    with hands.in_view():
+        _select(bpy.data.objects[name] for name in rigs)
+        folder = os.environ["FOLDER"]
+        settings = bpy.context.scene.mocap_export
+        settings.engine, settings.folder, settings.file_name = "generic", folder, "handshake"
+        _press("export", settings, directory=folder, file_name="handshake")
+    assert settings.checks, "nothing was read back"
+    assert all(check.passed for check in settings.checks), [check.text for check in settings.checks]
+    assert hands.view3d().spaces.active.region_3d.view_perspective == "CAMERA", "the export has changed the view"
+    yield from hands.shoot("first_steps_export")
+
+
+def _select(objects: Iterator[bpy.types.Object]) -> None:
+    bpy.ops.object.select_all(action="DESELECT")
+    for obj in objects:
+        obj.select_set(True)
+        bpy.context.view_layer.objects.active = obj
+
+
+def _press(operator: str, settings: bpy.types.PropertyGroup, **more: str) -> None:
+    """Press a section's button: its operator with the section's choices."""
+    called = getattr(bpy.ops.scene_aware_mocap, operator)
+    known = set(called.get_rna_type().properties.keys()) - {"name"}
+    values = {name: getattr(settings, name) for name in known if name in settings.bl_rna.properties}
+    chosen = {name: value for name, value in values.items() if isinstance(value, (str, int, float, bool))}
+    assert called("EXEC_DEFAULT", True, **(chosen | more)) == {"FINISHED"}
+
+
 def solve() -> Iterator[float]:
     """Blender stays responsive while the solver runs; the take comes in at the end."""
     preferences = bpy.context.preferences.addons[MODULE].preferences
     preferences.solver_python = os.environ["SOLVER_PYTHON"]
     watch = sys.modules[f"{MODULE}.solving.watch"]
     yield from hands.open_tab()
-    bar = hands.region("UI")
-    hands.click(bar.x + 60, bar.y + bar.height - 12)  # unfold the first section
-    yield 0.5
+    yield from hands.open_section("solve")
     with hands.in_view():
         assert bpy.ops.scene_aware_mocap.solve_video(video=os.environ["VIDEO"]) == {"FINISHED"}
     assert watch.current() is not None
