@@ -5,12 +5,15 @@ import bpy
 
 from . import translations
 from .operators.bone_map import DetectBones, LoadBoneMap, LoadVrmMap, MendBoneMap, SaveBoneMap
+from .operators.clean import BakeMotion, FillGaps, LockFeet, ReduceKeys, RemoveDrift, SmoothMotion, SnapFeet
 from .operators.export import Export
+from .operators.identities import MergePeople, SplitPerson, SwapPeople
 from .operators.import_take import ImportTake, TakeDrop, draw_import_entry
 from .operators.retarget import CastEntry, Retarget
 from .operators.sample import LoadSampleRig, LoadSampleTake
 from .operators.solve_video import CancelSolve, SolveVideo
 from .panels.bone_map import BoneMapPanel, BoneMapPresetsMenu
+from .panels.clean import CleanPanel
 from .panels.export_section import ExportPanel
 from .panels.import_section import ImportPanel
 from .panels.retarget import RetargetPanel
@@ -18,6 +21,7 @@ from .panels.samples import SamplesPanel
 from .panels.solve import SolvePanel
 from .preferences import CheckSolver, MocapPreferences
 from .settings.bone_map import BoneMapSettings, ProblemEntry, RigMap, RoleEntry
+from .settings.clean import CleanSettings
 from .settings.export import CheckRow, ExportSettings
 from .settings.retarget import MeasureRow, RetargetSettings
 from .settings.solve import SolveSettings
@@ -37,6 +41,18 @@ _CLASSES = (
     LoadSampleRig,
     ImportPanel,
     SamplesPanel,
+    CleanSettings,
+    SmoothMotion,
+    LockFeet,
+    SnapFeet,
+    RemoveDrift,
+    FillGaps,
+    ReduceKeys,
+    BakeMotion,
+    SwapPeople,
+    MergePeople,
+    SplitPerson,
+    CleanPanel,
     MeasureRow,
     RetargetSettings,
     CastEntry,
@@ -61,6 +77,7 @@ _CLASSES = (
 # Settings of the sidebar's sections: the type they hang on, the name there, and the property group.
 _SETTINGS: tuple[tuple[type, str, type], ...] = (
     (bpy.types.Scene, "mocap_solve", SolveSettings),
+    (bpy.types.Scene, "mocap_clean", CleanSettings),
     (bpy.types.Scene, "mocap_retarget", RetargetSettings),
     (bpy.types.Scene, "mocap_bone_map", BoneMapSettings),
     (bpy.types.Scene, "mocap_export", ExportSettings),
