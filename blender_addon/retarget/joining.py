@@ -12,7 +12,10 @@ from .bone_map import BoneMap
 from .roles import SIDES, SPINE
 from .skeleton import Motion, Skeleton
 
-_HANGS_ON = {"shin": "thigh", "foot": "shin", "toe": "foot", "forearm": "upper_arm", "hand": "forearm"}
+_HANGS_ON = {
+    "upper_arm": "clavicle", "forearm": "upper_arm", "hand": "forearm",
+    "shin": "thigh", "foot": "shin", "toe": "foot",
+}  # fmt: skip
 
 
 def joined(skeleton: Skeleton, bone_map: BoneMap) -> tuple[Skeleton, BoneMap]:
@@ -26,18 +29,22 @@ def joined(skeleton: Skeleton, bone_map: BoneMap) -> tuple[Skeleton, BoneMap]:
     """
     bone_map = _with_carrying_hips(skeleton, bone_map)
     parents = list(skeleton.parents)
-    hips = skeleton.index(bone_map.needed("hips"))
     for side in SIDES:
-        thigh = skeleton.index(bone_map.needed(f"{side}_thigh"))
-        if not skeleton.below(hips)[thigh]:
-            parents[thigh] = hips
-        for limb, above in _HANGS_ON.items():
-            ends = bone_map.bone(f"{side}_{limb}"), bone_map.bone(f"{side}_{above}")
-            if None not in ends:
-                child, parent = (skeleton.names.index(name) for name in ends if name)
-                if not skeleton.below(parent)[child]:
-                    parents[child] = parent
+        for limb in ("thigh", *_HANGS_ON):
+            name = bone_map.bone(f"{side}_{limb}")
+            if name is not None:
+                bone, above = skeleton.index(name), skeleton.index(_above(bone_map, side, limb))
+                if not skeleton.below(above)[bone]:
+                    parents[bone] = above
     return (skeleton if parents == list(skeleton.parents) else rehung(skeleton, parents)), bone_map
+
+
+def _above(bone_map: BoneMap, side: str, limb: str) -> str:
+    """The bone that a limb hangs on in a body of one piece."""
+    hips = bone_map.needed("hips")
+    if limb == "thigh":
+        return hips
+    return bone_map.bone(f"{side}_{_HANGS_ON[limb]}") or (hips, *bone_map.spine)[-1]
 
 
 def reordered(motion: Motion, skeleton: Skeleton, other: Skeleton) -> Motion:

@@ -147,6 +147,11 @@ def reachable(limb: Limb, distance: Array) -> Array:
     return np.where(distance > soft, soft + rest * -np.expm1(-(np.maximum(distance - soft, 0.0)) / rest), distance)
 
 
+def pole_directions(limb: Limb, hint: Array) -> Array:
+    """(T, 3) unit vectors across limbs to where knee or elbow point; the (T, 3) hint for those too straight to tell."""
+    return _pole(limb, hint, np.full((len(limb.start), 1), np.inf))
+
+
 def soft_length(limb: Limb) -> Array:
     """(T, 1) metres: goals up to here are reached exactly."""
     full = _length(limb.middle - limb.start) + _length(limb.end - limb.middle)

@@ -6,18 +6,19 @@ from typing import Any
 import bpy
 
 
-def copy_rig(rig: bpy.types.Object, name: str) -> bpy.types.Object:
+def copy_rig(rig: bpy.types.Object, name: str, *, with_children: bool = True) -> bpy.types.Object:
     """Copy an armature object and all that hangs on it; the rig itself stays as it is.
 
     Args:
         rig: the armature object.
         name: of the new armature object; its children get it as a suffix of theirs.
+        with_children: otherwise the armature alone.
 
     Returns:
         The new armature object, in the collections of the rig, without its animation.
     """
     copies: dict[bpy.types.Object, bpy.types.Object] = {}
-    for original in (rig, *rig.children_recursive):
+    for original in (rig, *(rig.children_recursive if with_children else ())):
         copy = original.copy()
         copy.name = name if original is rig else f"{original.name} {name}"
         copies[original] = copy

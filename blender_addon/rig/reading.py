@@ -74,10 +74,11 @@ def location_axes(obj: bpy.types.Object, skeleton: Skeleton) -> Array:
     They are the same unless the bone's "local location" is off: then its parent's axes are used, or the armature's.
     """
     result = np.tile(np.eye(3), (len(skeleton.names), 1, 1))
-    for index, (name, parent) in enumerate(zip(skeleton.names, skeleton.parents, strict=True)):
-        if not obj.data.bones[name].use_local_location:
-            frame = skeleton.axes[parent] if parent >= 0 else skeleton.to_world.rotation
-            result[index] = frame.T @ skeleton.axes[index]
+    for index, name in enumerate(skeleton.names):
+        bone = obj.data.bones[name]
+        if not bone.use_local_location:
+            parent = _orthonormal(np.array(bone.parent.matrix_local, float)[:3, :3]) if bone.parent else np.eye(3)
+            result[index] = (skeleton.to_world.rotation @ parent).T @ skeleton.axes[index]
     return result
 
 

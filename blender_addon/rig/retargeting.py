@@ -18,12 +18,16 @@ from ..retarget.contacts import detect_contacts
 from ..retarget.feet import standing_soles
 from ..retarget.ground import Ground
 from ..retarget.joining import joined, reordered
+from ..retarget.limb_ik import chain_of, pole_directions
 from ..retarget.options import Options
-from ..retarget.roles import NEEDED
+from ..retarget.rest import BACK
+from ..retarget.roles import NEEDED, ROOT
 from ..retarget.root_policy import root_of
 from ..retarget.scene import Outcome, retarget_scene
-from ..retarget.skeleton import Motion, Skeleton
+from ..retarget.skeleton import Motion, carried_axes
+from ..retarget.turning import turns_of
 from ..scene_import.armature import CONTACTS
+from .controls import Controls, controls_of, switch_curves
 from .copying import copy_rig, remove_rig
 from .curves import curves_of, sample
 from .ground import ground_under
@@ -31,6 +35,9 @@ from .reading import read_motion, read_skeleton
 from .writing import check_writable, write_motion
 
 Array = NDArray[np.float64]
+
+# Rigs that constraints have a say in are looked at in so many frames, and farther off than this is told; metres.
+_LOOKS, _STRAYS = 5, 0.03
 
 
 @dataclass(frozen=True)
@@ -79,13 +86,19 @@ def retarget(roles: Sequence[Role], options: Options, progress: Callable[[float]
         UserError: it cannot be done; says why. Nothing has changed then.
     """
     _check(roles)
+    controls = [controls_of(role.rig, role.rig_map, options.drive) for role in roles]
+    for role, handles in zip(roles, controls, strict=True):
+        if not role.copied:
+            check_writable(role.rig, handles.keyed)
     frames = frames_of([role.person for role in roles])
     notes: list[str] = []
-    actors = [_actor(role, frames, notes) for role in roles]
-    for role in roles:
-        notes += _overruled(role)
+    actors = [_actor(role, handles, frames, notes) for role, handles in zip(roles, controls, strict=True)]
     outcome = retarget_scene(actors, options, _ground(roles[0].person, actors), progress)
-    return Retargeted(_shown(roles, actors, outcome.motions, frames), outcome, tuple(notes))
+    rigs = _shown(roles, controls, actors, outcome.motions, frames)
+    for rig, handles, actor, motion in zip(rigs, controls, actors, outcome.motions, strict=True):
+        if handles.tried:
+            notes += _strayed(rig, actor, motion, frames)
+    return Retargeted(rigs, outcome, tuple(notes))
 
 
 def frames_of(people: Sequence[bpy.types.Object]) -> Array:
@@ -120,34 +133,22 @@ def _check(roles: Sequence[Role]) -> None:
                 raise UserError(
                     f"'{obj.name}' has no bone for {_spoken(missing)}: choose it under Bone Map, or another armature"
                 )
-        if not role.copied:
-            check_writable(role.rig, keyed_bones(read_skeleton(role.rig), role.rig_map))
-            if role.rig == role.person:
-                raise UserError(f"'{role.rig.name}' is the person and the rig: choose another rig, or copies of it")
+        if role.rig == role.person and not role.copied:
+            raise UserError(f"'{role.rig.name}' is the person and the rig: choose another rig, or copies of it")
     several = [rig.name for rig, count in Counter(r.rig for r in roles if not r.copied).items() if count > 1]
     if several:
         raise UserError(f"'{several[0]}' cannot play several people: let it be copied, or give everybody a rig")
 
 
-def keyed_bones(skeleton: Skeleton, bone_map: BoneMap) -> list[str]:
-    """Bones that get keys: those with a role and all above them, whose pose would move them."""
-    wanted = {skeleton.index(name) for _, name in bone_map.bones if name in skeleton.names}
-    for bone in range(len(skeleton.names) - 1, -1, -1):
-        if bone in wanted and skeleton.parents[bone] >= 0:
-            wanted.add(skeleton.parents[bone])
-    return [skeleton.names[bone] for bone in sorted(wanted)]
-
-
-def _actor(role: Role, frames: Array, notes: list[str]) -> Actor:
+def _actor(role: Role, controls: Controls, frames: Array, notes: list[str]) -> Actor:
     person = read_skeleton(role.person)
     motion = read_motion(role.person, person, frames)
     contacts = _contacts(role.person, frames)
     if contacts is None:
         contacts = detect_contacts(person, role.person_map, motion)
         notes.append(f"'{role.person.name}' does not say when feet stand: taken from how low and slow they are")
-    return Actor(
-        role.person.name, person, role.person_map, motion, contacts, *joined(read_skeleton(role.rig), role.rig_map)
-    )
+    body, body_map = joined(controls.skeleton, role.rig_map)
+    return Actor(role.person.name, person, role.person_map, motion, contacts, body, body_map)
 
 
 def _contacts(person: Any, frames: Array) -> Array | None:
@@ -165,30 +166,22 @@ def _ground(person: bpy.types.Object, actors: Sequence[Actor]) -> Ground:
     return ground_under(person, np.concatenate([standing_soles(actor) for actor in actors]))
 
 
-def _overruled(role: Role) -> list[str]:
-    """A note when constraints will have the last word on bones that get keys."""
-    ruled = [
-        name
-        for _, name in role.rig_map.bones
-        if any(c.enabled and c.influence > 0 for c in role.rig.pose.bones[name].constraints)
-    ]
-    if not ruled:
-        return []
-    return [f"constraints of '{role.rig.name}' may overrule the motion of {', '.join(ruled[:3])}"]
-
-
 def _shown(
-    roles: Sequence[Role], actors: Sequence[Actor], motions: Sequence[Motion], frames: Array
+    roles: Sequence[Role],
+    controls: Sequence[Controls],
+    actors: Sequence[Actor],
+    motions: Sequence[Motion],
+    frames: Array,
 ) -> tuple[bpy.types.Object, ...]:
     """Key the rigs; on an error take copies back."""
     rigs, copies = [], []
     try:
-        for role, actor, motion in zip(roles, actors, motions, strict=True):
+        for role, handles, actor, motion in zip(roles, controls, actors, motions, strict=True):
             rig = role.rig
             if role.copied:
                 rig = copy_rig(role.rig, f"{role.rig.name} {role.person.name}")
                 copies.append(rig)
-            _key(rig, role, actor, motion, frames)
+            _key(rig, f"{role.person.name} on {role.rig.name}", handles, actor, motion, frames)
             rigs.append(rig)
     except UserError:
         for copy in copies:
@@ -197,13 +190,45 @@ def _shown(
     return tuple(rigs)
 
 
-def _key(rig: bpy.types.Object, role: Role, actor: Actor, motion: Motion, frames: Array) -> None:
-    skeleton = read_skeleton(rig)
-    bones = keyed_bones(skeleton, actor.target_map)
+def _key(rig: bpy.types.Object, name: str, controls: Controls, actor: Actor, motion: Motion, frames: Array) -> None:
+    skeleton = controls.skeleton
+    shown = reordered(motion, actor.target, skeleton)
+    _place_poles(controls, actor, motion, shown)
     root = root_of(skeleton, actor.target_map)
     moved = [actor.target_map.needed("hips"), *([skeleton.names[root]] if root is not None else [])]
-    shown = reordered(motion, actor.target, skeleton)
-    write_motion(rig, skeleton, shown, f"{role.person.name} on {role.rig.name}", bones, frames, moved)
+    switches = switch_curves(rig, controls.switches, frames)
+    write_motion(rig, skeleton, shown, name, controls.keyed, frames, moved, switches)
+
+
+def _place_poles(controls: Controls, actor: Actor, motion: Motion, shown: Motion) -> None:
+    """Put poles where knees and elbows point, as far from these as the upper bone is long."""
+    turns = turns_of(actor.target, actor.target_map, motion)
+    for pole in controls.poles:
+        side, _, upper = pole.role.partition("_")
+        limbs = ("upper_arm", "forearm", "hand") if upper == "upper_arm" else ("thigh", "shin", "foot")
+        chain = chain_of(actor.target, actor.target_map, side, limbs)
+        if chain is None:
+            continue
+        limb = chain.limb(motion)
+        bends_to = turns[:, chain.upper, :, BACK] * (1 if upper == "upper_arm" else -1)
+        length = np.linalg.norm(limb.middle - limb.start, axis=-1, keepdims=True)
+        bone = controls.skeleton.index(pole.bone)
+        shown.heads[:, bone] = limb.middle + length * pole_directions(limb, bends_to)
+        shown.rotations[:, bone] = carried_axes(controls.skeleton, shown.rotations, bone)
+
+
+def _strayed(rig: bpy.types.Object, actor: Actor, motion: Motion, frames: Array) -> list[str]:
+    """A note when constraints hold a rig elsewhere than its keys would have it, in a few frames."""
+    some = np.unique(np.linspace(0, len(frames) - 1, _LOOKS).astype(int))
+    skeleton = read_skeleton(rig)
+    seen = read_motion(rig, skeleton, frames[some])
+    names = [name for role, name in actor.target_map.bones if role != ROOT]
+    ours = seen.heads[:, [skeleton.index(name) for name in names]]
+    away = np.linalg.norm(ours - motion.heads[some][:, [actor.target.index(name) for name in names]], axis=-1).max(0)
+    if away.max() < _STRAYS:
+        return []
+    worst = names[int(np.argmax(away))]
+    return [f"constraints of '{rig.name}' hold '{worst}' up to {100 * away.max():.0f} cm from where it should be"]
 
 
 def _spoken(parts: Sequence[str]) -> str:
