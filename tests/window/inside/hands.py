@@ -109,10 +109,12 @@ def open_section(name: str) -> Iterator[float]:
 
 
 def shoot(name: str) -> Iterator[float]:
-    """Draw everything, then keep the display's picture as PNG."""
-    for area in main_window().screen.areas:
-        area.tag_redraw()
-    yield 1.0
+    """Draw everything, sections that slide as well, then keep the display's picture as PNG."""
+    main_window().event_simulate(type="MOUSEMOVE", value="NOTHING", x=4, y=4)
+    for _ in range(4):
+        for area in main_window().screen.areas:
+            area.tag_redraw()
+        yield 0.5
     write_png(Path(os.environ["WINDOW_SHOTS"]) / f"{name}.png", screen())
 
 
