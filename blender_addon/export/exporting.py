@@ -115,22 +115,24 @@ def export_characters(
             with free_names(_names(casts, shot)):
                 written = [_write(context, cast, shot, timing, profile, Path(parts), write) for cast in casts]
                 checks = [
-                    verify(context, part, cast.nodes, cast.performances, timing, profile)
+                    replace(check, file=cast.file)
                     for part, cast in zip(written, casts, strict=True)
+                    for check in verify(context, part, cast.nodes, cast.performances, timing, profile)
                 ]
             for part, cast in zip(written, casts, strict=True):
                 part.replace(folder / cast.file)
     except (OSError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error).strip().splitlines()[-1]
         raise ExportError(f"cannot write to {folder}: {reason}; free some space or choose another place") from error
-    return Exported(tuple(folder / cast.file for cast in casts), tuple(check for group in checks for check in group))
+    return Exported(tuple(folder / cast.file for cast in casts), tuple(checks))
 
 
 def _refuse_unfit(context: bpy.types.Context, characters: Sequence[Character]) -> None:
     if not characters:
         raise ExportError("nobody to export: select an armature, or a mesh that one moves")
+    there = _visible(context)
     for character in characters:
-        if character.armature.name not in context.view_layer.objects:
+        if character.armature not in there:
             raise ExportError(f"'{character.armature.name}' is in no visible collection: include it in the view layer")
 
 
@@ -140,9 +142,16 @@ def _read(
     """All that is needed of the user's scene; hidden things are shown meanwhile, as Blender does not move them."""
     objects = [obj for character in characters for obj in (character.armature, *character.meshes)]
     objects += [camera] if camera else []
-    with shown(context, [obj for obj in objects if obj.name in context.view_layer.objects]):
+    there = _visible(context)
+    with shown(context, [obj for obj in objects if obj in there]):
         performances = tuple(perform(context, character, timing) for character in characters)
         return performances, film(context, camera, timing) if camera else None
+
+
+def _visible(context: bpy.types.Context) -> set[bpy.types.Object]:
+    """What is in the view layer, hidden or not; what has just been made gets there by an update."""
+    context.view_layer.update()
+    return set(context.view_layer.objects)
 
 
 def _casts(performances: tuple[Performance, ...], profile: Profile, name: str) -> tuple[Cast, ...]:
