@@ -4,6 +4,7 @@
 import bpy
 
 from . import translations
+from .batching.registration import register_command, unregister_command
 from .operators.bone_map import DetectBones, LoadBoneMap, LoadVrmMap, MendBoneMap, SaveBoneMap
 from .operators.clean import BakeMotion, FillGaps, LockFeet, ReduceKeys, RemoveDrift, SmoothMotion, SnapFeet
 from .operators.export import Export
@@ -90,12 +91,14 @@ def register() -> None:
     for owner, name, group in _SETTINGS:
         setattr(owner, name, bpy.props.PointerProperty(type=group))
     bpy.types.TOPBAR_MT_file_import.append(draw_import_entry)
+    register_command()
     translations.register()
 
 
 def unregister() -> None:
     watch.stop()
     translations.unregister()
+    unregister_command()
     bpy.types.TOPBAR_MT_file_import.remove(draw_import_entry)
     for owner, name, _ in reversed(_SETTINGS):
         delattr(owner, name)

@@ -12,6 +12,7 @@ import bpy
 
 from core_solver.errors import UserError
 
+from ..clean.foot_lock import BLEND
 from ..export.exporting import Exported, export_characters
 from ..export.performance import characters_among
 from ..retarget.bone_map import TAKE_MAP
@@ -27,7 +28,6 @@ from .rigs import load_character
 
 _CUTOFF_HZ = 6.0
 """Faster than this no limb is moved on purpose."""
-_BLEND_S = 0.15
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,8 @@ def _clean(context: bpy.types.Context, people: Sequence[bpy.types.Object], names
         "gaps": gap_filling("INBETWEEN", 0.0),
         "smooth": smoothing(_CUTOFF_HZ),
         "drift": drift_removal("AUTO"),
-        "ground": ground_snap("AUTO", _BLEND_S),
-        "footlock": foot_lock(_BLEND_S),
+        "ground": ground_snap("AUTO", BLEND),
+        "footlock": foot_lock(BLEND),
     }
     return finish(clean(context, people, [steps[name] for name in names], "ACTION"))
 
