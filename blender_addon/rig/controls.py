@@ -12,8 +12,9 @@ from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 from numpy.typing import NDArray
+
+from core_solver.geometry import matrix_from_rotvec
 
 from ..retarget.bone_map import BoneMap
 from ..retarget.joining import only, rehung
@@ -34,17 +35,21 @@ _SWITCHES: dict[Drive, dict[str, float]] = {
 _POLES = {"thigh": "thigh_ik_target.{s}", "upper_arm": "upper_arm_ik_target.{s}"}
 # Bent by the rig itself to where hands, feet and poles are.
 _FOLLOWERS = ("upper_arm", "forearm", "thigh", "shin")
-_TRIAL = Matrix.LocRotScale((0.11, 0.07, 0.05), Matrix.Rotation(0.4, 3, (1.0, 2.0, 3.0)).to_quaternion(), None)
+# How a control is moved to see what goes along: turned by 0.4 radians about a skew axis, and shifted.
+_TRIAL = np.eye(4)
+_TRIAL[:3, :3] = matrix_from_rotvec(0.4 * np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0))
+_TRIAL[:3, 3] = 0.11, 0.07, 0.05
 _SAME = 1e-3  # in sizes of the rig, and as difference of axes: what moves with a control moves as a whole
 
 
 @dataclass(frozen=True)
 class Switch:
-    """A custom property of a pose bone, and the value that is keyed."""
+    """A property of a pose bone, its own or a custom one, and the value that is keyed."""
 
     bone: str
     name: str
     value: float
+    custom: bool = True
 
 
 @dataclass(frozen=True)
@@ -102,23 +107,24 @@ def _try_out(rig: bpy.types.Object, bone_map: BoneMap, drive: Drive) -> Controls
         if name in bone
     )
     poles = _poles(rig) if drive == "ik" and switches else ()
-    followers = {bone_map.bone(f"{side}_{limb}") for side in SIDES for limb in _FOLLOWERS} if poles else set()
+    followers = [bone_map.bone(f"{side}_{limb}") for side in SIDES for limb in _FOLLOWERS] if poles else []
     names = list(dict.fromkeys([*(name for _, name in bone_map.bones), *(pole.bone for pole in poles)]))
     copy = copy_rig(rig, f"{rig.name} trial", with_children=False)
     try:
         skeleton = _as_carried(copy, names, switches)
     finally:
         remove_rig(copy)
-    return Controls(
-        skeleton, tuple(name for name in skeleton.names if name not in followers), switches, poles, tried=True
-    )
+    # Else IK makes limbs a little longer or shorter where it need not.
+    stiff = tuple(Switch(bone, "ik_stretch", 0.0, custom=False) for bone in followers if bone is not None)
+    keyed = tuple(name for name in skeleton.names if name not in followers)
+    return Controls(skeleton, keyed, (*switches, *stiff), poles, tried=True)
 
 
 def switch_curves(rig: bpy.types.Object, switches: Sequence[Switch], frames: Array) -> list[Curves]:
     """The switches as curves for the action of a motion."""
     return [
         Curves(
-            f'{rig.pose.bones[switch.bone].path_from_id()}["{switch.name}"]',
+            rig.pose.bones[switch.bone].path_from_id() + (f'["{switch.name}"]' if switch.custom else f".{switch.name}"),
             np.full((len(frames), 1), switch.value),
             switch.bone,
             "CONSTANT",
@@ -143,7 +149,7 @@ def _as_carried(copy: Any, names: Sequence[str], switches: Sequence[Switch]) -> 
     if copy.animation_data is not None:
         copy.animation_data.use_nla = False
     for bone in copy.pose.bones:
-        bone.matrix_basis = Matrix()
+        bone.matrix_basis = np.eye(4).tolist()
     for switch in switches:
         bone = copy.pose.bones[switch.bone]
         bone[switch.name] = type(bone[switch.name])(switch.value)
@@ -151,9 +157,9 @@ def _as_carried(copy: Any, names: Sequence[str], switches: Sequence[Switch]) -> 
     rest = _matrices(copy, names)
     moved = np.empty((len(names), len(names), 4, 4))
     for number, name in enumerate(names):
-        copy.pose.bones[name].matrix_basis = _TRIAL
+        copy.pose.bones[name].matrix_basis = _TRIAL.T.tolist()
         moved[number] = _matrices(copy, names) @ np.linalg.inv(rest)
-        copy.pose.bones[name].matrix_basis = Matrix()
+        copy.pose.bones[name].matrix_basis = np.eye(4).tolist()
     size = float(np.ptp(rest[:, :3, 3], axis=0).max())
     parents, turns = _carriers(moved, rest[:, :3, 3], size)
     return _skeleton(whole, names, rest, parents, turns)

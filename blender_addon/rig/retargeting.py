@@ -37,7 +37,7 @@ from .writing import check_writable, write_motion
 Array = NDArray[np.float64]
 
 # Rigs that constraints have a say in are looked at in so many frames, and farther off than this is told; metres.
-_LOOKS, _STRAYS = 5, 0.03
+_LOOKS, _STRAYS = 5, 0.01
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,6 @@
 """Real rigs of many makers: their bones are found with no help, by name and by shape alone."""
 
-import os
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -72,34 +69,6 @@ def test_rigs_that_face_any_way(
     skeleton = addon("rig.reading").read_skeleton(obj)
     by_shape = addon("retarget.structure").find_by_structure(scrambled(skeleton))
     assert roles_of(in_old_names(skeleton, by_shape)) == OF_FILES[file]
-
-
-# Rigify leaves Blender in a state in which some versions crash or hang at the end, so it works in a process of its own.
-_GENERATE = """
-import os, sys
-import bpy
-bpy.ops.preferences.addon_enable(module="rigify")
-for obj in list(bpy.data.objects):
-    bpy.data.objects.remove(obj)
-bpy.ops.object.armature_human_metarig_add()
-bpy.context.object.name = "Metarig"
-bpy.ops.pose.rigify_generate()
-next(o for o in bpy.data.objects if o.type == "ARMATURE" and o.name != "Metarig").name = "Generated"
-bpy.ops.wm.save_as_mainfile(filepath=sys.argv[1])
-sys.stdout.flush()
-os._exit(0)
-"""
-
-
-@pytest.fixture(scope="session")
-def rigify_file(bpy_installed: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A Blender file with the human metarig and the rig that Rigify makes of it."""
-    path = tmp_path_factory.mktemp("rigify") / "rigify.blend"
-    environment = os.environ | {"BLENDER_USER_RESOURCES": str(path.parent)}
-    command = [sys.executable, "-c", _GENERATE, str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment, check=False)
-    assert path.exists(), done.stdout + done.stderr
-    return path
 
 
 def test_the_human_metarig(bpy: Any, addon: Any, rigify_file: Path) -> None:

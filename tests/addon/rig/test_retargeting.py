@@ -178,3 +178,37 @@ def test_nobody_to_retarget(bpy: Any, addon: Any) -> None:
     humanoid(bpy, addon, MIXAMO)
     with pytest.raises(RuntimeError, match="import a take"):
         retarget(bpy)
+
+
+@pytest.mark.parametrize(("drive", "degrees"), [("fk", 0.1), ("ik", 0.5)])
+def test_a_rigify_rig_follows_through_its_controls(
+    bpy: Any, rigify_file: Path, tmp_path: Path, drive: str, degrees: float
+) -> None:
+    """Whichever controls are keyed, the deforming bones point where the person's limbs do."""
+    bpy.ops.wm.open_mainfile(filepath=str(rigify_file))
+    write_take(tmp_path / "one.npz", make_take(TakeSpec(people=1, frames=len(FRAMES), swing=0.2)))
+    bpy.ops.import_scene.scene_aware_mocap(filepath=str(tmp_path / "one.npz"))
+    rig = bpy.data.objects["Generated"]
+    poses = [bone.matrix_basis.copy() for bone in rig.pose.bones]
+    assert retarget(bpy, rig="Generated", drive=drive, feet=False) == {"FINISHED"}
+    assert [bone.matrix_basis for bone in rig.pose.bones] == poses
+    copy = bpy.data.objects["Generated Person 1"]
+    theirs = limb_directions(bpy, bpy.data.objects["Person 1"], [(joint_name(a), joint_name(b)) for a, b in LIMBS])
+    ours = limb_directions(bpy, copy, [(original_bone(a), original_bone(b)) for a, b in LIMBS])
+    assert np.degrees(2 * np.arcsin(np.linalg.norm(theirs - ours, axis=-1) / 2)).max() < degrees
+    curves = {curve.data_path for curve in addon_curves(copy)}
+    assert 'pose.bones["thigh_parent.L"]["IK_FK"]' in curves
+    assert any("foot_ik.L" in path for path in curves) == (drive == "ik")
+
+
+def original_bone(role: str) -> str:
+    """The bone that Rigify's deforming bones copy."""
+    side, _, limb = role.partition("_")
+    return f"ORG-{limb}.{side[0].upper()}"
+
+
+def addon_curves(obj: Any) -> list[Any]:
+    action = obj.animation_data.action
+    if not hasattr(action, "slots"):
+        return list(action.fcurves)
+    return list(action.layers[0].strips[0].channelbag(obj.animation_data.action_slot).fcurves)
