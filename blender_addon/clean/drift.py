@@ -5,11 +5,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..retarget.ground import Ground
+from ..retarget.measures import CONTACT
 from ..retarget.skeleton import Motion
 from .feet import Leg, legs_of, shifted, slip, sole_points
 from .foot_lock import carried, contact_spans
 from .performance import Performance
-from .signals import closed, low_pass, spans, weighted_low_pass
+from .signals import closed, known_low_pass, low_pass, spans
 
 Array = NDArray[np.float64]
 
@@ -42,7 +43,7 @@ def remove_drift(performance: Performance, ground: Ground | None = None) -> Moti
             for leg, contacts in zip(legs, performance.evidence.contacts.T, strict=True)
         ]
     )
-    crept = np.cumsum(weighted_low_pass(creep, known, rate, SLOW), axis=0) / rate
+    crept = np.cumsum(known_low_pass(creep, known > 0, rate, SLOW), axis=0) / rate
     way = np.zeros_like(crept)
     stays = _stays(performance, known)
     for start, end in stays:
@@ -87,11 +88,8 @@ def _levelled(performance: Performance, legs: tuple[Leg, Leg], ground: Ground) -
     """(T,) slow way upwards that brings standing feet to the ground."""
     feet = []
     for leg, contacts in zip(legs, performance.evidence.contacts.T, strict=True):
-        lift, known = np.zeros((len(contacts), 1)), np.zeros(len(contacts))
         points = sole_points(leg, performance.motion)
-        for start, end in contact_spans(contacts, performance.rate):
-            stood = points[start:end]
-            above = (ground.height(stood[..., :2], stood[..., 2]) - stood[..., 2]).max(axis=1)
-            lift[start:end], known[start:end] = np.median(above), 1.0
-        feet.append((lift, known))
-    return weighted_low_pass(*_mean_of_feet(feet), performance.rate, SLOW)[:, 0]
+        above = (ground.height(points[..., :2], points[..., 2]) - points[..., 2]).max(axis=1)
+        feet.append((above[:, None] * (contacts >= CONTACT)[:, None], (contacts >= CONTACT).astype(float)))
+    lift, known = _mean_of_feet(feet)
+    return known_low_pass(lift, known > 0, performance.rate, SLOW)[:, 0]

@@ -14,7 +14,7 @@ from ..retarget.limb_ik import Chain, bent, chain_of, reach, soft_length
 from ..retarget.rest import BACK, body_frame
 from ..retarget.roles import SIDES
 from ..retarget.skeleton import Motion, Skeleton
-from .signals import raised, weighted_low_pass
+from .signals import known_low_pass, raised
 
 Array = NDArray[np.float64]
 
@@ -134,7 +134,7 @@ def _followed(stance: Stance, rate: float) -> Array:
     """(T, 3) the slow part of the feet's ways."""
     known = stance.weights.sum(axis=1)
     mean = np.einsum("tf,tfa->ta", stance.weights, stance.offsets) / np.maximum(known, 1e-9)[:, None]
-    return weighted_low_pass(mean, known, rate, _FOLLOWING)
+    return known_low_pass(mean, known > 0, rate, _FOLLOWING)
 
 
 def _stoop(motion: Motion, legs: tuple[Leg, Leg], goals: Array, weights: Array, rate: float) -> Array:

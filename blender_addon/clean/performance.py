@@ -53,4 +53,3 @@ class Evidence:
     seen: Flags
     present: Flags
     confidence: Array
-

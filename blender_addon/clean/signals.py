@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-_FAINT = 1e-3  # of a known frame's weight
-
 
 def low_pass(values: Array, rate: float, cutoff: float) -> Array:
     """Curves without their fast part, neither earlier nor later than before.
@@ -21,9 +19,9 @@ def low_pass(values: Array, rate: float, cutoff: float) -> Array:
         cutoff: Hz.
     """
     count = len(values)
-    # Seen as time, the Gaussian's deviation in frames; what is farther away than four of them counts nothing.
+    # Seen as time, the Gaussian's deviation in frames; what is farther away than six of them counts nothing.
     deviation = np.sqrt(np.log(2)) / (2 * np.pi * cutoff) * rate
-    margin = int(np.ceil(4 * deviation)) + 1
+    margin = int(np.ceil(6 * deviation)) + 1
     flat = values.reshape(count, -1)
     # Turned about the end point, as a curve that goes on with the slope it ends with.
     padded = np.pad(flat, [(margin, margin), (0, 0)], "reflect", reflect_type="odd")
@@ -33,36 +31,23 @@ def low_pass(values: Array, rate: float, cutoff: float) -> Array:
     return smooth[margin : margin + count].reshape(values.shape)
 
 
-def weighted_low_pass(values: Array, weights: Array, rate: float, cutoff: float) -> Array:
-    """The slow part of curves that are known in some frames only, carried on into the others.
+def known_low_pass(values: Array, known: Flags, rate: float, cutoff: float) -> Array:
+    """The slow part of curves that are known in some frames only; straight lines lead over the others.
 
     Args:
         values: (T, C).
-        weights: (T,) how well each frame is known, not negative.
+        known: (T,) which frames count.
         rate: frames per second.
         cutoff: Hz.
 
     Returns:
         (T, C); zeros where no frame is known.
     """
-    known = np.flatnonzero(weights > 0)
-    if not len(known):
+    frames = np.flatnonzero(known)
+    if not len(frames):
         return np.zeros_like(values)
-    deviation = np.sqrt(np.log(2)) / (2 * np.pi * cutoff) * rate
-    frames = np.arange(len(values))
-    kernel = np.exp(-0.5 * ((frames - len(values) // 2) / deviation) ** 2)
-    # Far from every known frame the kernel vanishes: there a straight line goes from one to the next.
-    lines = np.stack([np.interp(frames, known, column[known]) for column in values.T], axis=1)
-    total = _convolved(weights[:, None], kernel) + _FAINT
-    return (_convolved(values * weights[:, None], kernel) + _FAINT * lines) / total
-
-
-def _convolved(values: Array, kernel: Array) -> Array:
-    """(T, C) curves weighed by a kernel whose middle is at its half."""
-    size = len(values) + len(kernel)
-    spectrum = np.fft.rfft(values, size, axis=0) * np.fft.rfft(kernel, size)[:, None]
-    middle = len(kernel) // 2
-    return np.fft.irfft(spectrum, size, axis=0)[middle : middle + len(values)]
+    lines = [np.interp(np.arange(len(values)), frames, column[frames]) for column in values.T]
+    return low_pass(np.stack(lines, axis=1), rate, cutoff)
 
 
 def raised(values: Array, radius: int) -> Array:

@@ -14,12 +14,12 @@ _RESULTS = (
     (
         "ACTION",
         "New Action",
-        "The cleaned motion becomes the action. The old one stays in the file, NLA tracks are muted",
+        "The cleaned motion becomes the action. The old one is kept, NLA tracks are muted",
     ),
     (
         "LAYER",
         "New NLA Layer",
-        "The cleaned motion becomes a track above all others in the NLA editor: mute it to go back",
+        "The cleaned motion goes on a track above all others: mute it to go back",
     ),
 )
 _SURFACES = (
