@@ -57,7 +57,7 @@ def _without_common_prefix(words: list[list[str]]) -> list[list[str]]:
     while True:
         first = Counter(w[0] for w in words if len(w) > 1)
         word, count = first.most_common(1)[0] if first else ("", 0)
-        if count < _COMMON * len(words):
+        if not word or count < _COMMON * len(words):
             return words
         words = [w[1:] if len(w) > 1 and w[0] == word else w for w in words]
 
