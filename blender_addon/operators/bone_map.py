@@ -21,6 +21,8 @@ from ..rig.maps import all_presets, found_map, own_presets_folder
 from ..rig.reading import read_skeleton
 from ..settings.bone_map import store_map, stored_map
 
+rpt_ = bpy.app.translations.pgettext_rpt
+
 
 class _OnRig:
     """What the operators share: they work on the named armature, or on the active object."""
@@ -49,11 +51,12 @@ class _OnRig:
 
 
 class DetectBones(_OnRig, bpy.types.Operator):
-    """Find out which bones are hips, legs, arms and head: by the names of well-known rigs, else by the rig's shape.
-    Replaces the rig's present bone map; the rig itself is not changed"""
-
     bl_idname = "scene_aware_mocap.detect_bones"
     bl_label = "Detect Bones"
+    bl_description = (
+        "Find out which bones are hips, legs, arms and head: by the names of well-known rigs, else by the rig's shape. "
+        "Replaces the rig's present bone map; the rig itself is not changed"
+    )
 
     def run(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         return _stored(context, obj, found_map(obj, read_skeleton(obj)))
@@ -79,11 +82,12 @@ class LoadBoneMap(_OnRig, bpy.types.Operator):
 
 
 class LoadVrmMap(_OnRig, bpy.types.Operator, ImportHelper):
-    """Use the bone map in a character's own .vrm file, from which the rig was imported.
-    Replaces the rig's present bone map"""
-
     bl_idname = "scene_aware_mocap.load_vrm_map"
     bl_label = "Load Bone Map of a VRM File"
+    bl_description = (
+        "Use the bone map in a character's own .vrm file, from which the rig was imported. "
+        "Replaces the rig's present bone map"
+    )
 
     filename_ext = ".vrm"
     filter_glob: bpy.props.StringProperty(default="*.vrm;*.glb", options={"HIDDEN"})
@@ -132,7 +136,7 @@ class SaveBoneMap(_OnRig, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         path = save_preset(own_presets_folder(), self.title, _map_of(context, obj))
-        return f"Saved the bone map '{self.title}' as {path}"
+        return rpt_("Saved the bone map '{}' as {}").format(self.title, path)
 
 
 def _rig_of(context: bpy.types.Context, name: str) -> bpy.types.Object:
@@ -159,7 +163,5 @@ def _stored(context: bpy.types.Context, obj: bpy.types.Object, bone_map: BoneMap
     rig_map = store_map(context.scene, obj, bone_map)
     known = sum(bone_map.bone(role) is not None for role in NEEDED)
     problems = len(rig_map.problems)
-    found = (
-        f"Bones of '{obj.name}' by {bone_map.source}: {known} of {len(NEEDED)} needed, {bone_map.confidence:.0%} sure"
-    )
-    return found if not problems else f"{found}, {problems} to mend"
+    message = rpt_("Bones of '{}' by {}: {} of {} needed, {:.0%} sure, {} to mend")
+    return message.format(obj.name, bone_map.source, known, len(NEEDED), bone_map.confidence, problems)

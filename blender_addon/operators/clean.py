@@ -15,6 +15,8 @@ from ..rig import cleaning
 from ..rig.layers import people_of
 from ..settings.clean import BlendInput, DriftInputs, FillInputs, KeyInputs, ResultInput, SmoothInputs, SurfaceInput
 
+rpt_ = bpy.app.translations.pgettext_rpt
+
 _OFTEN = 0.01  # seconds between two parts of the work, in which the window answers
 
 
@@ -55,7 +57,7 @@ class CleanOperator(ResultInput):
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC":
             self._end(context)
-            self.report({"INFO"}, "Stopped: nothing has changed")
+            self.report({"INFO"}, rpt_("Stopped: nothing has changed"))
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"RUNNING_MODAL"}
@@ -95,7 +97,7 @@ class CleanOperator(ResultInput):
     def _done(self: Any, notes: list[str]) -> set[str]:
         for note in notes:
             self.report({self.note_kind}, note)
-        self.report({"INFO"}, f"{self.bl_label}: {self.count} done")
+        self.report({"INFO"}, rpt_("{}: {} done").format(rpt_(self.bl_label), self.count))
         return {"FINISHED"}
 
 

@@ -14,13 +14,16 @@ from ..export.exporting import export_characters
 from ..export.performance import Character, ExportError, characters_among
 from ..settings.export import TAKES_RELATIVE, ExportInputs, profile_of, show_checks, summary
 
+rpt_ = bpy.app.translations.pgettext_rpt
+
 
 class Export(ExportInputs, bpy.types.Operator):
-    """Write the selected characters, or all of the scene, over the scene's frames to files for a game engine,
-    and read every file back to compare it. The scene stays as it is; old files of the same names are replaced"""
-
     bl_idname = "scene_aware_mocap.export"
     bl_label = "Export Characters"
+    bl_description = (
+        "Write the selected characters, or all of the scene, over the scene's frames to files for a game engine, and "
+        "read every file back to compare it. The scene stays as it is; old files of the same names are replaced"
+    )
     bl_options = {"REGISTER"}  # noqa: RUF012 - Blender reads this class attribute
 
     directory: bpy.props.StringProperty(
@@ -53,11 +56,12 @@ class Export(ExportInputs, bpy.types.Operator):
         show_checks(context.scene.mocap_export, done.checks)
         for check in done.checks:
             if not check.passed:
-                self.report({"WARNING"}, f"{check.character} in {check.file} {summary(check)}")
+                self.report({"WARNING"}, rpt_("{} in {} {}").format(check.character, check.file, summary(check)))
         if done.passed:
             worst = max(check.joint_error_m for check in done.checks)
             names = ", ".join(path.name for path in done.files)
-            self.report({"INFO"}, f"Wrote {names} and read it back: joints within {1000 * worst:.3f} mm")
+            message = rpt_("Wrote {} and read it back: joints within {:.3f} mm")
+            self.report({"INFO"}, message.format(names, 1000 * worst))
         return {"FINISHED"}
 
     def _chosen(self, context: bpy.types.Context) -> tuple[Character, ...]:

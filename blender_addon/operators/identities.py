@@ -13,6 +13,8 @@ from core_solver.errors import UserError
 from ..rig.identifying import merge, split_person, swap
 from ..settings.clean import ResultInput
 
+rpt_ = bpy.app.translations.pgettext_rpt
+
 
 class _Identities(ResultInput):
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads this class attribute
@@ -62,21 +64,22 @@ class SwapPeople(_TwoPeople, bpy.types.Operator):
     def change(self, context: bpy.types.Context) -> str:
         first, second = self.pair(context)
         swap(context, first, second, self.cut(context), self.result)
-        return f"'{first.name}' and '{second.name}' are swapped from frame {self.cut(context)} on"
+        return rpt_("'{}' and '{}' are swapped from frame {} on").format(first.name, second.name, self.cut(context))
 
 
 class MergePeople(_TwoPeople, bpy.types.Operator):
-    """Make one person of two who are the same: the active one goes on with the other's motion,
-    what nobody saw in between is filled, and the other one is hidden"""
-
     bl_idname = "scene_aware_mocap.merge_people"
     bl_label = "Merge Into Active"
+    bl_description = (
+        "Make one person of two who are the same: the active one goes on with the other's motion, what nobody saw in "
+        "between is filled, and the other one is hidden"
+    )
 
     def change(self, context: bpy.types.Context) -> str:
         first, second = self.pair(context)
         cut = self.frame if self.properties.is_property_set("frame") else None
         merge(context, first, second, cut, self.result)
-        return f"'{second.name}' is a part of '{first.name}' now, and hidden"
+        return rpt_("'{}' is a part of '{}' now, and hidden").format(second.name, first.name)
 
 
 class SplitPerson(_Identities, bpy.types.Operator):
@@ -90,7 +93,7 @@ class SplitPerson(_Identities, bpy.types.Operator):
     def change(self, context: bpy.types.Context) -> str:
         person = _named(context, self.first) if self.first else _active(context)
         second = split_person(context, person, self.cut(context), self.result)
-        return f"'{second.name}' begins in frame {self.cut(context)}, where '{person.name}' ends"
+        return rpt_("'{}' begins in frame {}, where '{}' ends").format(second.name, self.cut(context), person.name)
 
 
 def _named(context: bpy.types.Context, name: str) -> Any:

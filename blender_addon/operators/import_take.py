@@ -17,13 +17,16 @@ from ..scene_import.motion_files import read_motion_file
 from ..scene_import.take_import import ImportOptions, chosen_people, import_take
 from ..scene_import.world import Anchor, Origin
 
+rpt_ = bpy.app.translations.pgettext_rpt
+
 
 class ImportTake(bpy.types.Operator, ImportHelper):
-    """Bring in a take: every person in one metric scene, the camera over its footage, and the scene's points.
-    Also reads one person's SMPL motion as AMASS stores it"""
-
     bl_idname = "import_scene.scene_aware_mocap"
     bl_label = "Import Scene-Aware Mocap (.npz)"
+    bl_description = (
+        "Bring in a take: every person in one metric scene, the camera over its footage, and the scene's points. "
+        "Also reads one person's SMPL motion as AMASS stores it"
+    )
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads this class attribute
 
     filename_ext = ".npz"
@@ -132,8 +135,9 @@ class ImportTake(bpy.types.Operator, ImportHelper):
             imported = import_take(context, take, path, options)
             for note in imported.notes:
                 self.report({"WARNING"}, note)
-            frames = f"frames {imported.clock.start} to {imported.clock.end}"
-            self.report({"INFO"}, f"Imported {len(imported.armatures)} people of {path.name}, {frames}")
+            message = rpt_("Imported {} people of {}, frames {} to {}")
+            clock = imported.clock
+            self.report({"INFO"}, message.format(len(imported.armatures), path.name, clock.start, clock.end))
         return {"FINISHED"}
 
     def draw(self, _context: bpy.types.Context) -> None:

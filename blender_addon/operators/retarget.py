@@ -14,6 +14,8 @@ from ..rig.casting import cast
 from ..rig.retargeting import retarget
 from ..settings.retarget import RetargetInputs, options_of, show_measures
 
+rpt_ = bpy.app.translations.pgettext_rpt
+
 
 class CastEntry(bpy.types.PropertyGroup):
     """Who plays whom, by the names of armature objects: `name`, which every entry has, is the person's."""
@@ -22,11 +24,12 @@ class CastEntry(bpy.types.PropertyGroup):
 
 
 class Retarget(RetargetInputs, bpy.types.Operator):
-    """Give rigs the motion of the selected people, or of all people of the scene, all together:
-    everybody keeps the place, the distances and the footprints. Each rig gets a new action, nothing else changes"""
-
     bl_idname = "scene_aware_mocap.retarget"
     bl_label = "Retarget"
+    bl_description = (
+        "Give rigs the motion of the selected people, or of all people of the scene, all together: everybody keeps the "
+        "place, the distances and the footprints. Each rig gets a new action, nothing else changes"
+    )
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads this class attribute
 
     rig: bpy.props.StringProperty(
@@ -57,7 +60,8 @@ class Retarget(RetargetInputs, bpy.types.Operator):
 
 def _summary(done: Any) -> str:
     rigs = done.outcome.rigs
-    return (
-        f"Retargeted {len(done.rigs)} people: feet slide {rigs.skate_mm:.1f} mm per frame, stand on the ground in "
-        f"{100 * rigs.contact_recall:.0f} % of their frames, distances are off by {rigs.spacing_mm:.0f} mm"
+    message = rpt_(
+        "Retargeted {} people: feet slide {:.1f} mm per frame, stand on the ground in {:.0f} % of their frames, "
+        "distances are off by {:.0f} mm"
     )
+    return message.format(len(done.rigs), rigs.skate_mm, 100 * rigs.contact_recall, rigs.spacing_mm)

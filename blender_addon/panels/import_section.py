@@ -6,6 +6,8 @@ import bpy
 from ..operators.import_take import ImportTake
 from ..scene_import.armature import PRESENT_FROM, PRESENT_UNTIL
 
+iface_ = bpy.app.translations.pgettext_iface
+
 
 class ImportPanel(bpy.types.Panel):
     bl_idname = "VIEW3D_PT_scene_aware_mocap_import"
@@ -21,7 +23,8 @@ class ImportPanel(bpy.types.Panel):
         if person is None or "person_id" not in person:
             return
         box = self.layout.box()
-        box.label(text=person.name, icon="ARMATURE_DATA")
-        box.label(text=f"Height {person['height_m']:.2f} m")
-        box.label(text=f"Body {person['body_model']}")
-        box.label(text=f"There from {person[PRESENT_FROM]:.2f} s to {person[PRESENT_UNTIL]:.2f} s")
+        box.label(text=person.name, icon="ARMATURE_DATA", translate=False)
+        box.label(text=iface_("Height {:.2f} m").format(person["height_m"]), translate=False)
+        box.label(text=iface_("Body {}").format(person["body_model"]), translate=False)
+        there = iface_("There from {:.2f} s to {:.2f} s").format(person[PRESENT_FROM], person[PRESENT_UNTIL])
+        box.label(text=there, translate=False)

@@ -6,6 +6,8 @@ import bpy
 from ..operators.retarget import Retarget
 from ..settings.retarget import copy_inputs
 
+iface_ = bpy.app.translations.pgettext_iface
+
 
 class RetargetPanel(bpy.types.Panel):
     bl_idname = "VIEW3D_PT_scene_aware_mocap_retarget"
@@ -37,11 +39,15 @@ class RetargetPanel(bpy.types.Panel):
 def _draw_table(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
     if not settings.table:
         return
-    box = layout.box()
-    columns = box.grid_flow(row_major=True, columns=3, even_columns=False, align=True)
-    for title in ("", "People", "Rigs"):
-        columns.label(text=title)
+    table = layout.box().column(align=True)
+    _draw_line(table, "", iface_("People"), iface_("Rigs"))
     for row in settings.table:
-        columns.label(text=row.label)
-        columns.label(text=row.people, translate=False)
-        columns.label(text=row.rigs, translate=False)
+        _draw_line(table, iface_(row.label), row.people, row.rigs)
+
+
+def _draw_line(table: bpy.types.UILayout, title: str, people: str, rigs: str) -> None:
+    line = table.split(factor=0.6)
+    line.label(text=title, translate=False)
+    figures = line.row()
+    for figure in (people, rigs):
+        figures.label(text=figure, translate=False)

@@ -13,6 +13,8 @@ import bpy
 from ..export.profiles import Profile, load_profile, profile_ids
 from ..export.verification import Check
 
+rpt_ = bpy.app.translations.pgettext_rpt
+
 # Newer Blenders warn of "//" where a property does not say that it takes it.
 TAKES_RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5) else set()
 _AS_PROFILE = ("PROFILE", "As the Engine Likes", "As the engine's profile says")
@@ -121,4 +123,4 @@ def summary(check: Check) -> str:
     """One line about a character in a file."""
     if not check.passed:
         return "; ".join(check.problems)
-    return f"{check.bones} bones, joints within {1000 * check.joint_error_m:.3f} mm"
+    return rpt_("{} bones, joints within {:.3f} mm").format(check.bones, 1000 * check.joint_error_m)

@@ -11,6 +11,8 @@ import bpy
 from ..retarget.measures import Measures
 from ..retarget.options import Options
 
+n_ = bpy.app.translations.pgettext_n
+
 _ROOTS = (
     (
         "root_bone",
@@ -103,12 +105,12 @@ def show_measures(settings: Any, people: Measures, rigs: Measures) -> None:
 
 
 _ROWS = (
-    ("Feet slide by", "mm", 1, "skate_mm"),
-    ("Feet sink by", "mm", 1, "penetration_mm"),
-    ("Feet stand on the ground", "%", 0, "contact_recall"),
-    ("Distances are off by", "mm", 0, "spacing_mm"),
-    ("Hands miss by", "mm", 0, "touch_mm"),
-    ("Bodies overlap by", "mm", 0, "overlap_mm"),
+    (n_("Feet slide by"), "mm", 1, "skate_mm"),
+    (n_("Feet sink by"), "mm", 1, "penetration_mm"),
+    (n_("Feet stand on the ground"), "%", 0, "contact_recall"),
+    (n_("Distances are off by"), "mm", 0, "spacing_mm"),
+    (n_("Hands miss by"), "mm", 0, "touch_mm"),
+    (n_("Bodies overlap by"), "mm", 0, "overlap_mm"),
 )
 
 

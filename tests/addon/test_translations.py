@@ -12,10 +12,12 @@ LANGUAGES = ("de",)
 
 
 @pytest.fixture(scope="module")
-def shown(bpy_installed: Any, repo_root: Path) -> set[str]:
+def shown(bpy_installed: Any, addon: Any, repo_root: Path) -> set[str]:
+    in_words = addon("retarget.validation").in_words
     import bl_ext.user_default.scene_aware_mocap as package  # pyright: ignore[reportMissingImports]
 
-    return class_strings(bpy_installed, package._CLASSES) | source_strings(repo_root / "blender_addon")
+    parts = {in_words(role).title() for role in addon("retarget.roles").ROLES}
+    return class_strings(bpy_installed, package._CLASSES) | source_strings(repo_root / "blender_addon") | parts
 
 
 def test_there_are_strings(shown: set[str]) -> None:

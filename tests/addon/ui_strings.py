@@ -10,7 +10,7 @@ DRAWN = {"label": ("text",), "operator": ("text",), "prop": ("text",), "menu": (
          "row": ("heading",), "prop_search": ("text",), "popup_menu": ("title",), "operator_menu_enum": ("text",),
          "progress": ("text",), "template_list": (), "invoke_props_dialog": ("title", "confirm_text")}  # fmt: skip
 # Functions of ours that look a literal up themselves.
-LOOKED_UP = {"rpt_", "iface_", "tip_"}
+LOOKED_UP = {"rpt_", "iface_", "tip_", "n_"}
 
 
 def class_strings(bpy: Any, classes: tuple[type, ...]) -> set[str]:
