@@ -25,8 +25,10 @@ def low_pass(values: Array, rate: float, cutoff: float) -> Array:
     flat = values.reshape(count, -1)
     # Turned about the end point, as a curve that goes on with the slope it ends with.
     padded = np.pad(flat, [(margin, margin), (0, 0)], "reflect", reflect_type="odd")
-    frequencies = np.fft.rfftfreq(len(padded), 1 / rate)
-    gain = np.exp2(-0.5 * (frequencies / cutoff) ** 2)
+    # Sampled in time, so that a cut-off above what the frame rate can show changes nothing at all.
+    away = np.minimum(np.arange(len(padded)), len(padded) - np.arange(len(padded)))
+    kernel = np.exp(-0.5 * (away / deviation) ** 2)
+    gain = np.fft.rfft(kernel / kernel.sum()).real
     smooth = np.fft.irfft(np.fft.rfft(padded, axis=0) * gain[:, None], len(padded), axis=0)
     return smooth[margin : margin + count].reshape(values.shape)
 

@@ -30,7 +30,7 @@ def test_locked_feet_are_still(addon: Any, seed: int, angle: float, way: float, 
     lengths = [bone_lengths(person.skeleton, m) for m in (motion, person.motion)]
     np.testing.assert_allclose(lengths[0], lengths[1], atol=1e-9)
     hips = person.skeleton.index("hips")
-    assert np.linalg.norm(motion.heads[:, hips] - person.motion.heads[:, hips], axis=-1).max() < 0.05
+    assert np.linalg.norm(motion.heads[:, hips] - person.motion.heads[:, hips], axis=-1).max() < 0.1
     upper = person.skeleton.index("left_hand")
     np.testing.assert_allclose(motion.rotations[:, upper], person.motion.rotations[:, upper])
 

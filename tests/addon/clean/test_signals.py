@@ -24,6 +24,11 @@ def test_low_pass_keeps_straight_lines_to_their_ends(addon: Any, count: int, cut
     np.testing.assert_allclose(addon("clean.signals").low_pass(line, 30.0, cutoff), line, atol=1e-3)
 
 
+def test_a_cutoff_above_the_frame_rate_changes_nothing(addon: Any) -> None:
+    values = np.random.default_rng(0).normal(size=(50, 2))
+    np.testing.assert_allclose(addon("clean.signals").low_pass(values, 10.0, 30.0), values, atol=1e-9)
+
+
 def test_known_low_pass_reads_known_frames_only(addon: Any) -> None:
     low_pass = addon("clean.signals").known_low_pass
     known = np.zeros(300, bool)
