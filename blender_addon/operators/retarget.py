@@ -61,7 +61,7 @@ class Retarget(RetargetInputs, bpy.types.Operator):
 def _summary(done: Any) -> str:
     rigs = done.outcome.rigs
     message = rpt_(
-        "Retargeted {} people: feet slide {:.1f} mm per frame, stand on the ground in {:.0f} % of their frames, "
+        "Retargeted {} people: feet slide {:.1f} mm per frame, stand where they stood in {:.0f} % of their frames, "
         "distances are off by {:.0f} mm"
     )
     return message.format(len(done.rigs), rigs.skate_mm, 100 * rigs.contact_recall, rigs.spacing_mm)

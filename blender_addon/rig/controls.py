@@ -36,6 +36,7 @@ _POLES = {"thigh": "thigh_ik_target.{s}", "upper_arm": "upper_arm_ik_target.{s}"
 # Bent by the rig itself to where hands, feet and poles are.
 _FOLLOWERS = ("upper_arm", "forearm", "thigh", "shin")
 # How a control is moved to see what goes along: turned by 0.4 radians about a skew axis, and shifted.
+_ENDS = {"forearm": "hand", "foot": "toe"}
 _TRIAL = np.eye(4)
 _TRIAL[:3, :3] = matrix_from_rotvec(0.4 * np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0))
 _TRIAL[:3, 3] = 0.11, 0.07, 0.05
@@ -96,7 +97,18 @@ def controls_of(rig: bpy.types.Object, bone_map: BoneMap, drive: Drive) -> Contr
     keyed = tuple(skeleton.names[bone] for bone in sorted(wanted))
     if any(_is_ruled(rig.pose.bones[name]) for name in keyed):
         return _try_out(rig, bone_map, drive)
-    return Controls(only(skeleton, keyed), keyed)
+    return Controls(only(skeleton, (*keyed, *_beyond_ends(skeleton, bone_map))), keyed)
+
+
+def _beyond_ends(skeleton: Skeleton, bone_map: BoneMap) -> list[str]:
+    """What hangs on forearms without a hand and on feet without toes: it says where they lead to."""
+    pairs = [(f"{side}_{limb}", f"{side}_{following}") for side in SIDES for limb, following in _ENDS.items()]
+    last = [bone_map.bone(limb) for limb, following in pairs if bone_map.bone(following) is None]
+    return [
+        name
+        for name, parent in zip(skeleton.names, skeleton.parents, strict=True)
+        if parent >= 0 and skeleton.names[parent] in last
+    ]
 
 
 def _try_out(rig: bpy.types.Object, bone_map: BoneMap, drive: Drive) -> Controls:
