@@ -39,10 +39,10 @@ def read_vrm_map(path: Path) -> BoneMap:
         UserError: it cannot be read, is no binary glTF, or holds no humanoid.
     """
     content = _json_of(path)
-    names = [node.get("name", "") for node in content.get("nodes", [])]
     try:
+        names = [node.get("name", "") for node in content.get("nodes", [])]
         humans = {human: names[node] for human, node in _human_nodes(content.get("extensions", {})).items()}
-    except (AttributeError, IndexError, KeyError, TypeError):
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError):
         raise UserError(f"the humanoid map in {path.name} is damaged: choose a preset instead") from None
     if not humans:
         raise UserError(f"{path.name} holds no humanoid map: choose a VRM file, or a preset")
