@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core_solver.errors import UserError
 
-from ..retarget.rotation_modes import channels_from_matrices, matrices_from_channels, property_of
+from ..retarget.rotation_modes import QUATERNION, channels_from_matrices, matrices_from_channels, property_of
 from ..retarget.skeleton import Channels, Motion, Skeleton, channels_of
 from ..scene_import.actions import Curves, write_action
 from .reading import location_axes
@@ -58,12 +58,11 @@ def write_motion(
     leaves = _leaving(skeleton, channels)
     _refuse_torn(obj, skeleton, bones, leaves)
     to_keyed_axes = location_axes(obj, skeleton)
-    turns = matrices_from_channels(channels.quaternions, "QUATERNION")
+    rotations = _rotations(obj, skeleton, channels, bones)
     curves: list[Curves] = []
     for bone_name in bones:
         index, bone = skeleton.index(bone_name), obj.pose.bones[bone_name]
-        rotation = channels_from_matrices(turns[:, index, None], bone.rotation_mode)[:, 0]
-        curves.append(Curves(bone.path_from_id(property_of(bone.rotation_mode)), rotation, bone_name))
+        curves.append(Curves(bone.path_from_id(property_of(bone.rotation_mode)), rotations[bone_name], bone_name))
         if not bone.bone.use_connect and (leaves[index] or bone_name in moved or any(bone.location)):
             location = channels.locations[:, index] @ to_keyed_axes[index].T
             curves.append(Curves(bone.path_from_id("location"), location, bone_name))
@@ -115,6 +114,18 @@ def _refuse_other_animation(obj: Any, rig: str, bones: Sequence[str]) -> None:
 
 
 _CHANNELS = ("location", "rotation_", "scale")
+
+
+def _rotations(obj: Any, skeleton: Skeleton, channels: Channels, bones: Sequence[str]) -> dict[str, Array]:
+    """(T, 4 or 3) of each bone in its own rotation mode; all bones of one mode at once."""
+    by_mode: dict[str, list[str]] = {}
+    for name in bones:
+        by_mode.setdefault(obj.pose.bones[name].rotation_mode, []).append(name)
+    rotations: dict[str, Array] = {}
+    for mode, names in by_mode.items():
+        turns = matrices_from_channels(channels.quaternions[:, [skeleton.index(name) for name in names]], QUATERNION)
+        rotations |= zip(names, np.moveaxis(channels_from_matrices(turns, mode), 1, 0), strict=True)
+    return rotations
 
 
 def _leaving(skeleton: Skeleton, channels: Channels) -> NDArray[np.bool_]:
