@@ -49,6 +49,14 @@ def test_the_tutorial_leads_to_a_glb(window: Window, tmp_path: Path) -> None:
     assert (tmp_path / "handshake.glb").stat().st_size > 100_000
 
 
+def test_cleaning_can_be_stopped_and_writes_new_actions(window: Window) -> None:
+    window.run("clean")
+
+
+def test_it_speaks_german_when_blender_does(window: Window) -> None:
+    window.run("german")
+
+
 def test_blender_stays_responsive_while_a_video_is_solved(window: Window, solver: dict[str, str]) -> None:
     said = window.run("solve", **solver)
     assert "longest wait" in said

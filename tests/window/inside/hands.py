@@ -74,6 +74,15 @@ def click(x: float, y: float, *, ctrl: bool = False) -> None:
     window.event_simulate(type="LEFTMOUSE", value="RELEASE", ctrl=ctrl, **place)
 
 
+def press(key: str) -> None:
+    """Press and let go a key over the 3D view."""
+    window, area = main_window(), view3d()
+    place = {"x": area.x + area.width // 3, "y": area.y + area.height // 2}
+    window.event_simulate(type="MOUSEMOVE", value="NOTHING", **place)
+    window.event_simulate(type=key, value="PRESS", **place)
+    window.event_simulate(type=key, value="RELEASE", **place)
+
+
 def scroll(x: float, y: float, kind: str, *, ctrl: bool = False) -> None:
     window = main_window()
     window.event_simulate(type="MOUSEMOVE", value="NOTHING", x=int(x), y=int(y))

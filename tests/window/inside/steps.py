@@ -100,6 +100,44 @@ def _press(operator: str, settings: bpy.types.PropertyGroup, **more: str) -> Non
     assert called("EXEC_DEFAULT", True, **(chosen | more)) == {"FINISHED"}
 
 
+def clean() -> Iterator[float]:
+    """Cleaning works part by part: Esc stops it with nothing changed; otherwise there is a new action and one undo."""
+    yield from hands.open_tab()
+    with hands.in_view():
+        bpy.ops.scene_aware_mocap.load_sample_take("INVOKE_DEFAULT", True)
+    ada = bpy.data.objects["Ada"]
+    before = ada.animation_data.action
+    with hands.in_view():
+        assert bpy.ops.scene_aware_mocap.lock_feet("INVOKE_DEFAULT", True) == {"RUNNING_MODAL"}
+    hands.press("ESC")
+    yield 1.5
+    assert ada.animation_data.action == before
+    with hands.in_view():
+        bpy.ops.scene_aware_mocap.lock_feet("INVOKE_DEFAULT", True)
+    end = time.monotonic() + 60
+    while ada.animation_data.action == before:
+        assert time.monotonic() < end
+        yield 0.2
+    yield from hands.open_section("clean")
+    yield from hands.shoot("clean")
+
+
+def german() -> Iterator[float]:
+    """Sections, buttons and reports speak German when Blender does."""
+    view = bpy.context.preferences.view
+    view.language = "de_DE"
+    view.use_translate_interface = view.use_translate_tooltips = view.use_translate_reports = True
+    translations = bpy.app.translations
+    assert translations.pgettext_iface("Keep Footprints") == "Fußabdrücke behalten"
+    assert translations.pgettext_iface("Load Sample Take", "Operator") == "Beispiel-Take laden"
+    assert translations.pgettext_rpt("Solver {} found") == "Solver {} gefunden"
+    yield from hands.open_tab()
+    with hands.in_view():
+        bpy.ops.scene_aware_mocap.load_sample_take("INVOKE_DEFAULT", True)
+    yield from hands.open_section("retarget")
+    yield from hands.shoot("german")
+
+
 def solve() -> Iterator[float]:
     """Blender stays responsive while the solver runs; the take comes in at the end."""
     preferences = bpy.context.preferences.addons[MODULE].preferences
