@@ -105,3 +105,15 @@ runpy.run_path({str(script)!r}, run_name="__main__")
     assert target.exists() == installed
     if not installed:
         assert "install the Scene-Aware Mocap extension" in done.stderr
+
+
+def test_the_script_brings_takes_onto_a_character(repo_root: Path, take_file: Path) -> None:
+    rig = repo_root / "blender_addon" / "samples" / "sample_rig.glb"
+    folder = take_file.with_name("out")
+    done = batch(repo_root, "--", "--take", take_file, "--rig", rig, "--export", folder, "--engine", "unity")
+    assert done.returncode == 0, done.stderr
+    names = {f"match Person {number}.fbx" for number in (1, 2)}
+    assert {path.name for path in folder.iterdir()} == names
+    assert {line for line in done.stdout.splitlines() if line.startswith("wrote")} == {
+        f"wrote {folder / name}: 1 people, 5 frames" for name in names
+    }
