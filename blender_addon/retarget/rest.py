@@ -24,6 +24,7 @@ LEFT, BACK, UP = 0, 1, 2
 # Within so many degrees a body's directions are those of its armature: a rest pose is made along the axes, joints lie
 # where anatomy wants them.
 _ALONG_AXIS = math.cos(math.radians(20.0))
+_LEVEL = 1e-6  # cosine of what is at right angles
 # The limb that the bone of a limb points to. The hand goes on from the forearm and the toes from the foot.
 _POINTS_TO = {"upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
 _GOES_ON = {"hand": "forearm", "toe": "foot"}
@@ -39,7 +40,9 @@ def body_frame(skeleton: Skeleton, bone_map: BoneMap) -> Array:
     upward = _head(skeleton, bone_map, "head") - _head(skeleton, bone_map, "hips")
     across = _head(skeleton, bone_map, "left_thigh") - _head(skeleton, bone_map, "right_thigh")
     up = _along_axis(upward, own)
-    left = _along_axis(across - (across @ up) * up, own)
+    # A rig that leans at rest has no axes of its own that are level with it.
+    level = own[:, np.abs(up @ own) < _LEVEL]
+    left = _along_axis(across - (across @ up) * up, level)
     back = np.cross(up, left)
     return np.stack([left, back / np.linalg.norm(back), up], axis=1)
 
@@ -93,6 +96,8 @@ def _along_axis(direction: Array, axes: Array) -> Array:
     """A direction as a unit vector; that of the axis, either way, which it nearly has."""
     direction = direction / np.linalg.norm(direction)
     agreement = direction @ axes
+    if not len(agreement):
+        return direction
     nearest = int(np.argmax(np.abs(agreement)))
     if abs(agreement[nearest]) > _ALONG_AXIS:
         return np.sign(agreement[nearest]) * axes[:, nearest]

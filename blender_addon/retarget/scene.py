@@ -56,4 +56,6 @@ def retarget_scene(
         with_policy(actor.target, actor.target_map, motion, options.root, level_under(actor, stage))
         for actor, motion in zip(actors, motions, strict=True)
     )
-    return Outcome(carried, measure_people(actors, ground), measure_rigs(actors, motions, ground, options.scale))
+    outcome = Outcome(carried, measure_people(actors, ground), measure_rigs(actors, motions, ground, options.scale))
+    progress(1.0)
+    return outcome

@@ -114,7 +114,9 @@ def gestures(addon: Any, rig: Rig, frames: int = 40, seed: int = 0) -> Any:
     return addon("retarget.skeleton").pose(skeleton, time, turns, locations)
 
 
-def walk(addon: Any, rig: Rig, frames: int = 90, step: float = 0.55, heading: float = 0.6) -> tuple[Any, np.ndarray]:
+def walk(
+    addon: Any, rig: Rig, frames: int = 90, step: float = 0.55, heading: float = 0.6, start: Place = (0.5, 0.2, 0.0)
+) -> tuple[Any, np.ndarray]:
     """Somebody who walks on z = 0: feet stand perfectly still while the other swings, arms swing, the trunk turns.
 
     Returns:
@@ -127,7 +129,7 @@ def walk(addon: Any, rig: Rig, frames: int = 90, step: float = 0.55, heading: fl
     turn = matrix_from_rotvec([0.0, 0.0, heading])
     ahead, aside = turn @ [0.0, -1.0, 0.0], turn @ [1.0, 0.0, 0.0]
     turns = np.tile(turn, (frames, len(skeleton.names), 1, 1))
-    hips = np.outer(phase * step * size, ahead) + np.array([0.5, 0.2, 0.87 * size])
+    hips = np.outer(phase * step * size, ahead) + start + [0.0, 0.0, 0.87 * size]
     hips[:, 2] += 0.02 * size * np.cos(2 * np.pi * phase)
     swing = 0.5 * np.sin(np.pi * phase)
     contacts = np.zeros((frames, 2))
@@ -144,7 +146,7 @@ def walk(addon: Any, rig: Rig, frames: int = 90, step: float = 0.55, heading: fl
         eased = moved * moved * (3 - 2 * moved)
         place = (2 * (number + eased) - foot + 0.5) * step * size
         contacts[:, foot] = stage < 1
-        ankle = np.outer(place, ahead) + sign * 0.09 * size * aside + np.array([0.5, 0.2, 0.08 * size])
+        ankle = np.outer(place, ahead) + sign * 0.09 * size * aside + start + [0.0, 0.0, 0.08 * size]
         ankle[:, 2] += 0.12 * size * np.sin(np.pi * moved) ** 2
         _bend_leg(skeleton, turns, side, hips, ankle, ahead)
     heads_at_hips = np.zeros((frames, len(skeleton.names), 3))
