@@ -84,7 +84,7 @@ def make_rig(addon: Any, build: Build) -> Rig:
     world = build.to_world
     skeleton = addon("retarget.skeleton").Skeleton(
         names=tuple(names),
-        parents=tuple(names.index(parents[name]) if parents[name] else -1 for name in names),
+        parents=tuple(names.index(above) if (above := parents[name]) else -1 for name in names),
         heads=head,
         axes=_axes(tail - head, turn, build.rolls),
         lengths=np.linalg.norm(tail - head, axis=1),

@@ -1,0 +1,58 @@
+"""How long retargeting needs, apart from reading and keying: `python -m tests.benchmarks.addon_speed`.
+
+Needs a Python with bpy and this project. Walkers of different sizes go onto rigs of different builds, all in one scene.
+"""
+
+import argparse
+import importlib
+import time
+from types import ModuleType
+from typing import Any
+
+from tests.addon.retarget.skeletons import RIGS, make_person, make_rig, walk
+
+_SIZES = (1.0, 0.8, 1.15, 0.9, 1.1)
+_KINDS = ("mixamo", "tall", "unreal", "short", "a pose")
+
+
+def main() -> None:
+    """Retarget a scene without and with its refinement, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--people", type=int, default=3)
+    parser.add_argument("--frames", type=int, default=1000)
+    arguments = parser.parse_args()
+    actors = [_actor(number, arguments.frames) for number in range(arguments.people)]
+    print(f"{arguments.people} people x {arguments.frames} frames")
+    for label, refine in (("retarget", False), ("retarget and refine", True)):
+        seconds, outcome = _timed(actors, refine=refine)
+        rigs = outcome.rigs
+        print(
+            f"| {label:20} | {seconds:6.2f} s | feet slide {rigs.skate_mm:4.1f} mm per frame | "
+            f"stand {100 * rigs.contact_recall:3.0f} % | distances off by {rigs.spacing_mm:3.0f} mm |"
+        )
+
+
+def addon(name: str) -> ModuleType:
+    """A module of the add-on."""
+    return importlib.import_module(f"blender_addon.{name}")
+
+
+def _actor(number: int, frames: int) -> Any:
+    person = make_person(addon, _SIZES[number % len(_SIZES)])
+    rig = make_rig(addon, RIGS[_KINDS[number % len(_KINDS)]])
+    motion, contacts = walk(addon, person, frames, heading=0.1, start=(1.5 * number, 0.0, 0.0))
+    return addon("retarget.actor").Actor(
+        f"walker {number + 1}", person.skeleton, person.bone_map, motion, contacts, rig.skeleton, rig.bone_map
+    )
+
+
+def _timed(actors: list[Any], *, refine: bool) -> tuple[float, Any]:
+    options = addon("retarget.options").Options(refine=refine)
+    ground = addon("retarget.ground").Ground.flat()
+    start = time.perf_counter()
+    outcome = addon("retarget.scene").retarget_scene(actors, options, ground)
+    return time.perf_counter() - start, outcome
+
+
+if __name__ == "__main__":
+    main()
