@@ -4,6 +4,7 @@
 # Blender declares properties as annotations.
 # pyright: reportInvalidTypeForm=false
 
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
@@ -54,8 +55,15 @@ class Retarget(RetargetInputs, bpy.types.Operator):
         for note in done.notes:
             self.report({"WARNING"}, note)
         show_measures(context.scene.mocap_retarget, done.outcome.people, done.outcome.rigs)
+        _select(context, done.rigs)
         self.report({"INFO"}, _summary(done))
         return {"FINISHED"}
+
+
+def _select(context: bpy.types.Context, rigs: Sequence[bpy.types.Object]) -> None:
+    """Let the rigs be the selection: what is usually done next, such as exporting, is done to them."""
+    for obj in context.view_layer.objects:
+        obj.select_set(obj in rigs)
 
 
 def _summary(done: Any) -> str:

@@ -46,7 +46,7 @@ def _draw_table(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -
 
 
 def _draw_line(table: bpy.types.UILayout, title: str, people: str, rigs: str) -> None:
-    line = table.split(factor=0.6)
+    line = table.split(factor=0.52)
     line.label(text=title, translate=False)
     figures = line.row()
     for figure in (people, rigs):

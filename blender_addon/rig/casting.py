@@ -39,7 +39,7 @@ def cast(
     if not named:
         named = [(person, None) for person in _likely_people(context, common)]
     everybody = {obj for pair in named for obj in pair} | {common}
-    maps = {obj: map_of(obj, drive) for obj in everybody if obj is not None}
+    maps = {obj: map_of(context, obj, drive) for obj in everybody if obj is not None}
     return [
         Role(person, maps[person], own or common, maps[own or common], copied=copied and own is None)
         for person, own in named
@@ -67,7 +67,8 @@ def _likely_rig(context: bpy.types.Context) -> Any:
 
 def _likely_people(context: bpy.types.Context, rig: Any) -> list[Any]:
     """Selected people of takes, or other selected armatures that move, or all people of the scene."""
-    selected = [obj for obj in _selected(context) if obj != rig]
+    # Copies of the rig, which share its bones, are people's characters from before and no people.
+    selected = [obj for obj in _selected(context) if rig is None or obj.data != rig.data]
     people = [obj for obj in selected if PERSON in obj] or [obj for obj in selected if obj.animation_data is not None]
     people = people or [obj for obj in context.scene.objects if obj.type == "ARMATURE" and PERSON in obj]
     if not people:

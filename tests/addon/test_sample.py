@@ -109,3 +109,14 @@ def json_chunk(data: bytes) -> bytes:
 
 def glb_json(path: Path) -> dict[str, Any]:
     return json.loads(json_chunk(path.read_bytes()))
+
+
+def test_retargeted_rigs_are_selected_and_a_second_time_still_takes_the_people(bpy: Any) -> None:
+    bpy.ops.scene_aware_mocap.load_sample_take()
+    bpy.ops.scene_aware_mocap.load_sample_rig()
+    for _ in range(2):
+        before = set(bpy.data.objects)
+        assert bpy.ops.scene_aware_mocap.retarget(rig="Sample Rig", refine=False) == {"FINISHED"}
+        made = {obj for obj in set(bpy.data.objects) - before if obj.type == "ARMATURE"}
+        assert sorted(obj.name.split(".")[0] for obj in made) == [f"Sample Rig {n}" for n in ("Ada", "Ben", "Cleo")]
+        assert set(bpy.context.selected_objects) == made
