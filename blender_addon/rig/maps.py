@@ -23,10 +23,11 @@ _PACKAGE = str(__package__).rpartition(".")[0]
 _OTHER_CONTROLS = {"fk": "Rigify, IK controls", "ik": "Rigify, FK controls"}
 
 
-def map_of(obj: bpy.types.Object, drive: Drive) -> BoneMap:
+def map_of(context: bpy.types.Context, obj: bpy.types.Object, drive: Drive) -> BoneMap:
     """The roles of a rig's bones: those the user chose in this scene, else what is found.
 
     Args:
+        context: of the scene.
         obj: an armature object.
         drive: which controls are meant on a rig that has both kinds.
 
@@ -34,7 +35,7 @@ def map_of(obj: bpy.types.Object, drive: Drive) -> BoneMap:
         UserError: the rig is no humanoid, or cannot be read, or the user's map is not complete.
     """
     skeleton = read_skeleton(obj)
-    chosen = stored_map(bpy.context.scene, obj)
+    chosen = stored_map(context.scene, obj)
     if chosen is None or chosen.source == _OTHER_CONTROLS[drive]:
         return found_map(obj, skeleton, drive)
     worst = next((problem for problem in find_problems(skeleton, chosen) if problem.blocks), None)

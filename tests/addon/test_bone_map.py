@@ -167,14 +167,14 @@ def test_retargeting_uses_the_users_map_and_refuses_a_broken_one(bpy: Any, addon
 
     obj = mixamo_rig(bpy)
     map_of = addon("rig.maps").map_of
-    assert map_of(obj, "fk").source.startswith("Mixamo")
+    assert map_of(bpy.context, obj, "fk").source.startswith("Mixamo")
     bpy.ops.scene_aware_mocap.detect_bones()
     entry_of(bpy, "left_toe").bone = ""
-    assert map_of(obj, "fk").source == "edited"
-    assert map_of(obj, "fk").bone("left_toe") is None
+    assert map_of(bpy.context, obj, "fk").source == "edited"
+    assert map_of(bpy.context, obj, "fk").bone("left_toe") is None
     entry_of(bpy, "left_foot").bone = ""
     with pytest.raises(UserError, match="'Character' needs mending: No bone for the left foot"):
-        map_of(obj, "fk")
+        map_of(bpy.context, obj, "fk")
 
 
 @pytest.mark.parametrize("version", ["0.0", "1.0"])
@@ -184,7 +184,7 @@ def test_the_map_kept_by_the_vrm_add_on_comes_first(bpy: Any, addon: Any, versio
     humans["head"] = "mixamorig:Neck"
     keep_as_vrm(bpy, obj, version, humans)
     try:
-        found = addon("rig.maps").map_of(obj, "fk")
+        found = addon("rig.maps").map_of(bpy.context, obj, "fk")
     finally:
         del bpy.types.Armature.vrm_addon_extension
     assert found.source == "the file's own map"

@@ -44,7 +44,7 @@ def in_old_names(skeleton: Any, bone_map: Any) -> Any:
 @pytest.mark.parametrize("file", OF_FILES)
 def test_rigs_from_files(bpy: Any, addon: Any, shared_data: Path, tmp_path: Path, file: str) -> None:
     obj = imported(bpy, shared_data / "rigs" / file, tmp_path)
-    found = addon("rig.maps").map_of(obj, "fk")
+    found = addon("rig.maps").map_of(bpy.context, obj, "fk")
     assert roles_of(found) == OF_FILES[file]
     skeleton = addon("rig.reading").read_skeleton(obj)
     assert addon("retarget.validation").find_problems(skeleton, found) == ()
@@ -74,7 +74,7 @@ def test_rigs_that_face_any_way(
 def test_the_human_metarig(bpy: Any, addon: Any, rigify_file: Path) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(rigify_file))
     obj = bpy.data.objects["Metarig"]
-    assert roles_of(addon("rig.maps").map_of(obj, "fk")) == METARIG
+    assert roles_of(addon("rig.maps").map_of(bpy.context, obj, "fk")) == METARIG
     skeleton = addon("rig.reading").read_skeleton(obj)
     by_shape = addon("retarget.structure").find_by_structure(scrambled(skeleton))
     assert roles_of(in_old_names(skeleton, by_shape)) == METARIG
@@ -84,8 +84,8 @@ def test_a_generated_rigify_rig(bpy: Any, addon: Any, rigify_file: Path) -> None
     bpy.ops.wm.open_mainfile(filepath=str(rigify_file))
     obj = bpy.data.objects["Generated"]
     maps = addon("rig.maps")
-    assert roles_of(maps.map_of(obj, "fk")) == RIGIFY_FK
-    by_ik = roles_of(maps.map_of(obj, "ik"))
+    assert roles_of(maps.map_of(bpy.context, obj, "fk")) == RIGIFY_FK
+    by_ik = roles_of(maps.map_of(bpy.context, obj, "ik"))
     assert by_ik["left_hand"] == "hand_ik.L"
     assert by_ik["right_foot"] == "foot_ik.R"
     assert by_ik["hips"] == "torso"
