@@ -68,7 +68,10 @@ def all_presets() -> tuple[Preset, ...]:
 
 def own_presets_folder() -> Path:
     """Where the user's presets are kept; it need not exist yet."""
-    return Path(bpy.utils.extension_path_user(_PACKAGE, path="bone_maps"))
+    if _PACKAGE.startswith("bl_ext."):
+        return Path(bpy.utils.extension_path_user(_PACKAGE, path="bone_maps"))
+    # Run from its sources, as batches may be, the add-on has no folder of an extension's.
+    return Path(bpy.utils.user_resource("DATAFILES", path="scene_aware_mocap")) / "bone_maps"
 
 
 def _own_map(obj: Any) -> BoneMap | None:
