@@ -2,7 +2,8 @@
 """Characters and camera to files for an engine: read, staged, written whole or not at all, and read back."""
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -106,30 +107,50 @@ def export_characters(
     """
     write = writer_of(profile.format)
     _refuse_unfit(context, characters)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with object_mode(context), tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as parts:
-            timing = timing_of(context.scene, profile.frame_rate)
-            performances, shot = _read(context, characters, None if profile.one_file_each else camera, timing)
-            casts = _casts(performances, profile, name)
-            with free_names(_names(casts, shot)):
-                written = [_write(context, cast, shot, timing, profile, Path(parts), write) for cast in casts]
-                checks = [
-                    replace(check, file=cast.file)
-                    for part, cast in zip(written, casts, strict=True)
-                    for check in verify(context, part, cast.nodes, cast.performances, timing, profile)
-                ]
+    with object_mode(context):
+        timing = timing_of(context.scene, profile.frame_rate)
+        performances, shot = _read(context, characters, None if profile.one_file_each else camera, timing)
+        casts = _casts(performances, profile, name)
+        with free_names(_names(casts, shot)), _parts(folder) as parts:
+            written = [_write(context, cast, shot, timing, profile, parts, write) for cast in casts]
+            checks = [
+                replace(check, file=cast.file)
+                for part, cast in zip(written, casts, strict=True)
+                for check in verify(context, part, cast.nodes, cast.performances, timing, profile)
+            ]
             for part, cast in zip(written, casts, strict=True):
                 part.replace(folder / cast.file)
+    return Exported(tuple(folder / cast.file for cast in casts), tuple(checks))
+
+
+@contextmanager
+def _parts(folder: Path) -> Iterator[Path]:
+    """A place within a folder for files that are not whole yet; a folder made for nothing is taken away again.
+
+    Raises:
+        ExportError: the disk or Blender's exporter refuses a file.
+    """
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as parts:
+            yield Path(parts)
     except (OSError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error).strip().splitlines()[-1]
         raise ExportError(f"cannot write to {folder}: {reason}; free some space or choose another place") from error
-    return Exported(tuple(folder / cast.file for cast in casts), tuple(checks))
+    finally:
+        for place in made:
+            with suppress(OSError):  # a folder that holds files stays
+                place.rmdir()
 
 
 def _refuse_unfit(context: bpy.types.Context, characters: Sequence[Character]) -> None:
     if not characters:
         raise ExportError("nobody to export: select an armature, or a mesh that one moves")
+    names = [character.armature.name for character in characters]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise ExportError(f"two characters are called '{twice}': rename one, or export them one by one")
     there = _visible(context)
     for character in characters:
         if character.armature not in there:

@@ -113,8 +113,7 @@ def units_of(profile: Profile) -> float:
 
 def stage_camera(context: bpy.types.Context, shot: Shot, timing: Timing, profile: Profile) -> None:
     """Copy a camera into the current scene."""
-    camera = shot.camera.copy()
-    camera.data = shot.camera.data.copy()
+    camera = _own_copy(shot.camera)
     camera.name, camera.data.name = shot.name, shot.data_name
     _cut_loose(camera)
     context.scene.collection.objects.link(camera)
@@ -131,8 +130,7 @@ def stage_camera(context: bpy.types.Context, shot: Shot, timing: Timing, profile
 
 
 def _copy_armature(context: bpy.types.Context, performance: Performance, name: str, unit: float) -> bpy.types.Object:
-    armature = performance.armature.copy()
-    armature.data = performance.armature.data.copy()
+    armature = _own_copy(performance.armature)
     armature.name = name
     armature.data.name = name
     _cut_loose(armature)
@@ -152,6 +150,15 @@ def _copy_armature(context: bpy.types.Context, performance: Performance, name: s
     world[:3, 3] = to_world.translation
     armature.data.transform(Matrix.Scale(unit, 4) @ Matrix(world.tolist()))
     return armature
+
+
+def _own_copy(obj: bpy.types.Object) -> bpy.types.Object:
+    """A copy of an object and its data that may be changed at will, also of what is linked or overridden."""
+    copy = obj.copy()
+    copy.data = obj.data.copy()
+    for block in (copy, copy.data):
+        block.make_local(clear_liboverride=True)
+    return copy
 
 
 def _cut_loose(obj: bpy.types.Object) -> None:
@@ -239,8 +246,7 @@ def _copy_body(
         new_names: of the bones.
         unit: the file's units per metre.
     """
-    staged = body.mesh.copy()
-    staged.data = body.mesh.data.copy()
+    staged = _own_copy(body.mesh)
     staged.name, staged.data.name = body.name, body.data_name
     _cut_loose(staged)
     context.scene.collection.objects.link(staged)

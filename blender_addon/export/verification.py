@@ -80,6 +80,8 @@ def verify(
         scene.render.fps, scene.render.fps_base = _IMPORT_RATE, 1.0
         _import(path)
         armatures = {obj.name: obj for obj in scene.objects if obj.type == "ARMATURE"}
+        for armature in armatures.values():
+            _disconnect(context, armature)
         places = np.unique(np.linspace(0, len(timing.frames) - 1, _MOST_FRAMES).round().astype(int))
         return _without_strangers(
             tuple(
@@ -96,6 +98,15 @@ def _import(path: Path) -> None:
     else:
         # By default the importer moves everything by a frame.
         bpy.ops.import_scene.fbx(filepath=str(path), anim_offset=0.0)
+
+
+def _disconnect(context: bpy.types.Context, armature: bpy.types.Object) -> None:
+    """Let bones leave their parents as the file says: the FBX importer ties those that touch at rest together."""
+    context.view_layer.objects.active = armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    for bone in armature.data.edit_bones:
+        bone.use_connect = False
+    bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def _frames(timing: Timing, places: NDArray[np.int_], scene: bpy.types.Scene) -> Array:

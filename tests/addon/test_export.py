@@ -116,4 +116,6 @@ def test_a_failed_export_keeps_the_old_file(bpy: Any, addon: Any, tmp_path: Path
     with pytest.raises(addon("export.exporting").ExportError, match="disk is full"):
         export(bpy, addon, take, tmp_path / "scene.glb")
     assert (tmp_path / "scene.glb").read_bytes() == b"old"
+    with pytest.raises(addon("export.exporting").ExportError, match="disk is full"):
+        export(bpy, addon, take, tmp_path / "new" / "deep" / "scene.glb")
     assert [p.name for p in tmp_path.iterdir()] == ["scene.glb"]

@@ -184,3 +184,44 @@ def test_rigs_with_constraints_strips_and_odd_units(engine: str, bpy: Any, tmp_p
         gaps = np.linalg.norm(found[:, :, None] - expected[:, None], axis=-1)
         assert gaps.min(axis=2).max() < 1e-3
         assert gaps.min(axis=1).max() < 1e-3
+
+
+@pytest.mark.parametrize("overridden", [False, True])
+def test_rigs_of_other_files(overridden: bool, scene: Any, bpy: Any, tmp_path: Path) -> None:
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
+        wanted.collections = ["match"]
+    collection = bpy.data.collections["match"]
+    scene = bpy.context.scene
+    scene.collection.children.link(collection)
+    if overridden:
+        collection.override_hierarchy_create(scene, bpy.context.view_layer, do_fully_editable=True)
+        scene.collection.children.unlink(collection)
+    scene.frame_end = 8
+    before = data_counts(bpy)
+    run(bpy, tmp_path / "out", engine="unreal")
+    assert [(row.name, row.passed) for row in scene.mocap_export.checks] == [("Person 1", True), ("Person 2", True)]
+    assert data_counts(bpy) == before
+
+
+def test_two_characters_of_one_name_are_refused(scene: Any, bpy: Any, addon: Any, tmp_path: Path) -> None:
+    performance = addon("export.performance")
+    person = bpy.data.objects["Person 1"]
+    characters = performance.characters_among(bpy.context, [person]) * 2
+    profile = addon("export.profiles").load_profile("generic")
+    with pytest.raises(performance.ExportError, match="two characters are called 'Person 1'"):
+        addon("export.exporting").export_characters(bpy.context, characters, profile, tmp_path / "out", "a")
+    assert not (tmp_path / "out").exists()
+
+
+def test_bones_that_leave_what_they_touch_at_rest(bpy: Any, tmp_path: Path) -> None:
+    """Blender's FBX importer ties such bones together; the file is right nevertheless."""
+    rig = build_rig(bpy)
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    rig.data.edit_bones["arm"].use_connect = False
+    bpy.ops.object.mode_set(mode="OBJECT")
+    rig.pose.bones["arm"].location = (0, 3, 0)
+    run(bpy, tmp_path / "out", engine="unity")
+    assert [row.text for row in bpy.context.scene.mocap_export.checks if not row.passed] == []
