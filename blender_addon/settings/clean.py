@@ -45,7 +45,7 @@ class SmoothInputs:
     """Properties of smoothing."""
 
     cutoff: bpy.props.FloatProperty(
-        name="Cut-Off",
+        name="Cut-Off (Hz)",
         description="What moves faster than so many times a second is taken out: 6 keeps a fast walk crisp, "
         "2 leaves slow gestures only",
         default=6.0,
@@ -94,7 +94,7 @@ class FillInputs:
 
     filling: bpy.props.EnumProperty(name="Filling", description="What people do while they are hidden", items=_FILLINGS)
     confidence: bpy.props.FloatProperty(
-        name="Confidence Below",
+        name="Unsure Below",
         description="Frames that the solver is less sure of count as hidden too; 0 for those only in which nobody saw "
         "the person",
         default=0.0,
