@@ -184,7 +184,7 @@ def _casts(performances: tuple[Performance, ...], profile: Profile, name: str) -
         nodes = tuple(alone or performance.name for performance in performances)
         return (Cast(_file_name(stem, ending), performances, nodes),)
     return tuple(
-        Cast(_file_name(f"{stem} {p.name}", ending), (p,), (profile.armature_name or p.name,)) for p in performances
+        Cast(_file_name(f"{stem}_{p.name}", ending), (p,), (profile.armature_name or p.name,)) for p in performances
     )
 
 

@@ -112,7 +112,7 @@ def test_the_script_brings_takes_onto_a_character(repo_root: Path, take_file: Pa
     folder = take_file.with_name("out")
     done = batch(repo_root, "--", "--take", take_file, "--rig", rig, "--export", folder, "--engine", "unity")
     assert done.returncode == 0, done.stderr
-    names = {f"match Person {number}.fbx" for number in (1, 2)}
+    names = {f"match_Person {number}.fbx" for number in (1, 2)}
     assert {path.name for path in folder.iterdir()} == names
     assert {line for line in done.stdout.splitlines() if line.startswith("wrote")} == {
         f"wrote {folder / name}: 1 people, 5 frames" for name in names

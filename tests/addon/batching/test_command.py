@@ -109,8 +109,8 @@ def test_everybody_gets_a_copy_of_the_character(
     )  # fmt: skip
     assert (code, lines) == (0, [])
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "first take Person 1.fbx",
-        "first take Person 2.fbx",
+        "first take_Person 1.fbx",
+        "first take_Person 2.fbx",
     }
     (entry,) = strict_json(tmp_path / "r.json")["takes"]
     assert [person["character"] for person in entry["people"]] == ["Person 1", "Person 2"]
@@ -118,7 +118,7 @@ def test_everybody_gets_a_copy_of_the_character(
     assert any("bones of sample_rig.glb found by" in note for note in entry["warnings"])
     places = []
     for name in ("Person 1", "Person 2"):
-        read_back(bpy, tmp_path / "out" / f"first take {name}.fbx")
+        read_back(bpy, tmp_path / "out" / f"first take_{name}.fbx")
         (armature,) = [obj for obj in bpy.data.objects if obj.type == "ARMATURE"]
         assert set(JOINT_NAMES).isdisjoint(bone.name for bone in armature.data.bones)
         assert [obj for obj in bpy.data.objects if obj.type == "MESH" and obj.vertex_groups]

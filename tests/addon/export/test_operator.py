@@ -27,10 +27,10 @@ def run(bpy: Any, folder: Path, **options: Any) -> set[str]:
 
 
 def test_the_selection_is_exported_else_all(scene: Any, bpy: Any, tmp_path: Path) -> None:
-    assert run(bpy, tmp_path / "all", engine="unity") == {"scene Person 1.fbx", "scene Person 2.fbx"}
+    assert run(bpy, tmp_path / "all", engine="unity") == {"scene_Person 1.fbx", "scene_Person 2.fbx"}
     bpy.data.objects["Person 2 body"].select_set(True)
-    assert run(bpy, tmp_path / "selected", engine="unity") == {"scene Person 2.fbx"}
-    assert run(bpy, tmp_path / "named", engine="unity", characters="Person 1", file_name="a b") == {"a b Person 1.fbx"}
+    assert run(bpy, tmp_path / "selected", engine="unity") == {"scene_Person 2.fbx"}
+    assert run(bpy, tmp_path / "named", engine="unity", characters="Person 1", file_name="a b") == {"a b_Person 1.fbx"}
 
 
 def test_what_was_found_is_told_in_the_section(scene: Any, bpy: Any, tmp_path: Path) -> None:
@@ -55,7 +55,7 @@ def test_wishes_go_before_the_profile(scene: Any, bpy: Any, tmp_path: Path) -> N
 def test_names_and_folders_may_be_anything(scene: Any, bpy: Any, tmp_path: Path) -> None:
     bpy.data.objects["Person 1"].name = "Анна: 二/été"
     names = run(bpy, tmp_path / "два человека 二", engine="unreal", file_name="дубль 1")
-    assert names == {"дубль 1 Анна_ 二_été.fbx", "дубль 1 Person 2.fbx"}
+    assert names == {"дубль 1_Анна_ 二_été.fbx", "дубль 1_Person 2.fbx"}
     assert all(row.passed for row in scene.mocap_export.checks)
 
 
