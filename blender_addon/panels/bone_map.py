@@ -7,9 +7,13 @@ from typing import Any
 import bpy
 
 from ..operators.bone_map import DetectBones, LoadBoneMap, LoadVrmMap, MendBoneMap, SaveBoneMap
+from ..retarget.bone_map import BoneMap
 from ..retarget.roles import LIMBS, NEEDED, SIDES
 from ..retarget.validation import in_words
 from ..rig.maps import all_presets
+
+# Roles that are less sure than this show how sure they are.
+_DOUBTFUL = 0.7
 
 iface_ = bpy.app.translations.pgettext_iface
 
@@ -49,7 +53,8 @@ class BoneMapPanel(bpy.types.Panel):
         if rig_map is None:
             layout.label(text="Bones are detected when you retarget")
             return
-        layout.label(text=f"{iface_('Found by')} {rig_map.source}, {rig_map.confidence:.0%}", translate=False)
+        if rig_map.source != BoneMap(()).source:  # else the user chose
+            layout.label(text=f"{iface_('Found by')} {rig_map.source}, {rig_map.confidence:.0%}", translate=False)
         _draw_problems(layout, rig, rig_map)
         _draw_roles(layout, rig, rig_map)
 
@@ -94,14 +99,17 @@ def _draw_entries(layout: bpy.types.UILayout, rig: bpy.types.Object, entries: Se
     for entry in entries:
         row = column.row(align=True)
         row.alert = entry.name in NEEDED and not entry.bone
-        split = row.split(factor=0.4, align=True)
+        split = row.split(factor=0.46, align=True)
         split.label(text=in_words(entry.name).title())
-        split.prop_search(entry, "bone", rig.data, "bones", text="")
-        if entry.bone and entry.confidence < 0.7:
-            row.label(text=f"{entry.confidence:.0%}", translate=False)
+        bone = split.row(align=True)
+        bone.prop_search(entry, "bone", rig.data, "bones", text="")
+        if entry.bone and entry.confidence < _DOUBTFUL:
+            doubt = bone.row()
+            doubt.ui_units_x = 1.8
+            doubt.label(text=f"{entry.confidence:.0%}", translate=False)
 
 
-def _lines(message: str, width: int = 44) -> list[str]:
+def _lines(message: str, width: int = 30) -> list[str]:
     """A message in lines that fit the sidebar."""
     lines = [""]
     for word in message.split():
