@@ -24,6 +24,7 @@ LEFT, BACK, UP = 0, 1, 2
 # Within so many degrees a body's directions are those of its armature: a rest pose is made along the axes, joints lie
 # where anatomy wants them.
 _ALONG_AXIS = math.cos(math.radians(20.0))
+_BELOW = 0.5  # cosine of the angle between a leg that is stood on and the vertical
 _LEVEL = 1e-6  # cosine of what is at right angles
 # The limb that the bone of a limb points to. The hand goes on from the forearm and the toes from the foot.
 _POINTS_TO = {"upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
@@ -45,6 +46,13 @@ def body_frame(skeleton: Skeleton, bone_map: BoneMap) -> Array:
     left = _along_axis(across - (across @ up) * up, level)
     back = np.cross(up, left)
     return np.stack([left, back / np.linalg.norm(back), up], axis=1)
+
+
+def stands(skeleton: Skeleton, bone_map: BoneMap) -> bool:
+    """Whether a body at rest has its legs below it: some motion files rest in a pose that nobody could be in."""
+    up = body_frame(skeleton, bone_map)[:, UP]
+    legs = [_head(skeleton, bone_map, f"{side}_foot") - _head(skeleton, bone_map, f"{side}_thigh") for side in SIDES]
+    return all(leg @ up < -_BELOW * np.linalg.norm(leg) for leg in legs)
 
 
 def rest_frames(skeleton: Skeleton, bone_map: BoneMap) -> Array:

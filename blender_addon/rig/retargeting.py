@@ -20,11 +20,12 @@ from ..retarget.ground import Ground
 from ..retarget.joining import joined, reordered
 from ..retarget.limb_ik import chain_of, pole_directions
 from ..retarget.options import Options
-from ..retarget.rest import BACK
+from ..retarget.rest import BACK, stands
 from ..retarget.roles import NEEDED, ROOT
 from ..retarget.root_policy import root_of
 from ..retarget.scene import Outcome, retarget_scene
-from ..retarget.skeleton import Motion, carried_axes
+from ..retarget.skeleton import Motion, Skeleton, carried_axes
+from ..retarget.transfer import leg_length
 from ..retarget.turning import turns_of
 from ..scene_import.armature import CONTACTS
 from .controls import Controls, controls_of, switch_curves
@@ -36,6 +37,8 @@ from .writing import check_writable, write_motion
 
 Array = NDArray[np.float64]
 
+# Legs of other length, metres, are hardly meant so.
+_SHORTEST_LEG, _LONGEST_LEG = 0.15, 4.0
 # Rigs that constraints have a say in are looked at in so many frames, and farther off than this is told; metres.
 _LOOKS, _STRAYS = 5, 0.01
 
@@ -148,7 +151,19 @@ def _actor(role: Role, controls: Controls, frames: Array, notes: list[str]) -> A
         contacts = detect_contacts(person, role.person_map, motion)
         notes.append(f"'{role.person.name}' does not say when feet stand: taken from how low and slow they are")
     body, body_map = joined(controls.skeleton, role.rig_map)
+    notes += _oddities(role.person.name, person, role.person_map) + _oddities(role.rig.name, body, body_map)
     return Actor(role.person.name, person, role.person_map, motion, contacts, body, body_map)
+
+
+def _oddities(name: str, skeleton: Skeleton, bone_map: BoneMap) -> list[str]:
+    """Notes on what makes a skeleton unlike a body."""
+    notes = []
+    if not stands(skeleton, bone_map):
+        notes.append(f"'{name}' does not rest standing: limbs may point elsewhere; make a T-pose its rest pose first")
+    leg = leg_length(skeleton, bone_map)
+    if not _SHORTEST_LEG < leg < _LONGEST_LEG:
+        notes.append(f"the legs of '{name}' are {leg:.2f} m long: its file may be in other units, scale the armature")
+    return notes
 
 
 def _contacts(person: Any, frames: Array) -> Array | None:

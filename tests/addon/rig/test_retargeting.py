@@ -212,3 +212,46 @@ def addon_curves(obj: Any) -> list[Any]:
     if not hasattr(action, "slots"):
         return list(action.fcurves)
     return list(action.layers[0].strips[0].channelbag(obj.animation_data.action_slot).fcurves)
+
+
+def test_rigs_that_look_wrong_are_told(
+    bpy: Any, addon: Any, people: list[Any], capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Of a size that nobody has, or with its legs above its head at rest."""
+    giant = humanoid(bpy, addon, MIXAMO)
+    giant.scale *= 20
+    bpy.context.view_layer.update()
+    assert retarget(bpy, rig=giant.name) == {"FINISHED"}
+    assert "other units" in capfd.readouterr().out
+    upset = humanoid(bpy, addon, MIXAMO, "Upset")
+    bpy.context.view_layer.objects.active = upset
+    bpy.ops.object.mode_set(mode="EDIT")
+    for side in ("left", "right"):
+        hip = upset.data.edit_bones[bone_name(f"{side}_thigh")].head.copy()
+        for limb in ("thigh", "shin", "foot", "toe"):
+            bone = upset.data.edit_bones[bone_name(f"{side}_{limb}")]
+            bone.head, bone.tail = ((hip.x, 2 * hip.y - place.y, place.z) for place in (bone.head, bone.tail))
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert retarget(bpy, rig="Upset") == {"FINISHED"}
+    assert "does not rest standing" in capfd.readouterr().out
+
+
+def test_a_linked_rig_is_refused_but_its_copy_moves(bpy: Any, addon: Any, people: list[Any], tmp_path: Path) -> None:
+    """The library's objects cannot be animated here; a copy is the scene's own."""
+    rig = humanoid(bpy, addon, MIXAMO)
+    library = tmp_path / "Räuber rig.blend"
+    bpy.data.libraries.write(str(library), {rig, *rig.children}, fake_user=True)
+    for obj in (*rig.children, rig):
+        bpy.data.objects.remove(obj)
+    with bpy.data.libraries.load(str(library), link=True) as (source, wanted):
+        wanted.objects = list(source.objects)
+    for obj in wanted.objects:
+        bpy.context.scene.collection.objects.link(obj)
+    before = data_counts(bpy)
+    with pytest.raises(RuntimeError, match="linked from another file"):
+        retarget(bpy, cast=[{"name": "Person 1", "rig": "Hero"}])
+    assert data_counts(bpy) == before
+    assert retarget(bpy, rig="Hero") == {"FINISHED"}
+    copy = bpy.data.objects["Hero Person 1"]
+    assert copy.library is None
+    assert copy.animation_data.action.name == "Person 1 on Hero"
