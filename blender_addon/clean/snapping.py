@@ -48,10 +48,10 @@ def _rest(motion: Motion, leg: Leg, held: list[tuple[int, int]], ground: Ground,
     """(T, 3) ways upwards and (T,) weights that bring one foot to the surface in the spans in which it stands."""
     points = sole_points(leg, motion)
     lifts = np.zeros((len(points), 3))
-    for start, end in held:
-        # Where the foot stands is one place, though the motion trembles: its surface must not change in between.
-        places = np.median(points[start:end], axis=0)
-        surface = ground.height(places[:, :2], places[:, 2])
+    # Where the foot stands is one place, though the motion trembles: its surface must not change in between.
+    places = np.array([np.median(points[start:end], axis=0) for start, end in held]).reshape(-1, *points.shape[1:])
+    surfaces = ground.height(places[..., :2], places[..., 2])
+    for (start, end), surface in zip(held, surfaces, strict=True):
         bearing = np.abs(surface - np.median(surface)) < _SAME
         lifts[start:end, 2] = (surface[bearing] - points[start:end, bearing, 2]).max(axis=1)
     return carried(lifts, held, blend)

@@ -102,7 +102,7 @@ def _key(columns: Indices, heights: Array) -> Indices:
     """One number per column and height: sorted by them it is sorted by column and, inside, by millimetres."""
     millimetres = np.clip((heights + 2 * _FARTHEST) * 1000, 0, (1 << _HEIGHT_BITS) - 1).astype(np.int64)
     middle = 1 << (_COLUMN_BITS - 1)
-    x, y = np.clip(columns + middle, 0, 2 * middle - 1)[..., 0], np.clip(columns + middle, 0, 2 * middle - 1)[..., 1]
+    x, y = np.moveaxis(np.clip(columns + middle, 0, 2 * middle - 1), -1, 0)
     return (((x << _COLUMN_BITS) | y) << _HEIGHT_BITS) | millimetres
 
 
@@ -270,13 +270,7 @@ def _neighbours(
 
 def _blend(level: _Surfaces, xy: Array, wanted: Array, reach: float) -> tuple[NDArray[np.bool_], Array]:
     """Where a level knows the ground, and the blend of the planes there that continue the closest of them."""
-    anchor = np.full(len(xy), np.nan)
-    closest = np.full(len(xy), np.inf)
-    for found, neighbour in _neighbours(level, xy, wanted, 1):
-        here = found & (np.abs(level.centres[neighbour, 2] - wanted) < reach)
-        away = np.where(here, np.linalg.norm(level.centres[neighbour, :2] - xy, axis=1), np.inf)
-        anchor = np.where(away < closest, _at(level, neighbour, xy), anchor)
-        closest = np.minimum(away, closest)
+    anchor = _closest(level, xy, wanted, reach)
     total, weighed = np.zeros(len(xy)), np.zeros(len(xy))
     for found, neighbour in _neighbours(level, xy, np.nan_to_num(anchor), 1):
         surface = _at(level, neighbour, xy)
@@ -285,6 +279,18 @@ def _blend(level: _Surfaces, xy: Array, wanted: Array, reach: float) -> tuple[ND
         total += weight
         weighed += weight * surface
     return total > 0, weighed / np.maximum(total, 1e-300)
+
+
+def _closest(level: _Surfaces, xy: Array, wanted: Array, reach: float) -> Array:
+    """(Q,) height of the closest plane in the columns around places; NaN where there is none."""
+    height = np.full(len(xy), np.nan)
+    closest = np.full(len(xy), np.inf)
+    for found, neighbour in _neighbours(level, xy, wanted, 1):
+        here = found & (np.abs(level.centres[neighbour, 2] - wanted) < reach)
+        away = np.where(here, np.linalg.norm(level.centres[neighbour, :2] - xy, axis=1), np.inf)
+        height = np.where(away < closest, _at(level, neighbour, xy), height)
+        closest = np.minimum(away, closest)
+    return height
 
 
 def _at(level: _Surfaces, surfaces: Indices, xy: Array) -> Array:

@@ -242,3 +242,15 @@ def test_a_stop_changes_nothing(bpy: Any, addon: Any, people: list[Any]) -> None
 def test_every_operation_can_be_undone(bpy: Any) -> None:
     for name in (*OPERATIONS, "swap_people", "merge_people", "split_person"):
         assert "UNDO" in ops(bpy, name).bl_options
+
+
+def test_a_linked_person_is_refused(bpy: Any, people: list[Any], tmp_path: Path) -> None:
+    name, path = people[0].name, tmp_path / "das Original.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
+        wanted.objects = [name]
+    bpy.context.scene.collection.objects.link(bpy.data.objects[name])
+    for operation in (*OPERATIONS, "split_person"):
+        options = {"first": name, "frame": 9} if operation == "split_person" else {"people": name}
+        refused(bpy, operation, "linked from another file", **options)
