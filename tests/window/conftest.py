@@ -23,6 +23,7 @@ INSTALL = """
 import bpy, sys
 bpy.ops.extensions.package_install_files(filepath=sys.argv[-1], repo="user_default", enable_on_install=True)
 bpy.context.preferences.view.show_splash = False
+bpy.context.preferences.use_preferences_save = False  # what one test chooses is not the next one's
 bpy.ops.wm.save_userpref()
 """
 
@@ -53,7 +54,7 @@ def display(blender_program: str, tmp_path_factory: pytest.TempPathFactory) -> I
     name = f":{90 + os.getpid() % 900}"
     screen = f"{SIZE[0]}x{SIZE[1]}x24"
     server = subprocess.Popen(
-        ["Xvfb", name, "-screen", "0", screen, "-fbdir", str(folder), "-nolisten", "tcp"],
+        ["Xvfb", name, "-screen", "0", screen, "-fbdir", str(folder), "-nolisten", "tcp", "-nocursor"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )

@@ -12,8 +12,8 @@ from .conftest import Window
 SLOW_STAND_IN = """
 import json, shutil, sys, time
 output = sys.argv[sys.argv.index("--output") + 1]
-for done in range(41):
-    print(json.dumps({"stage": "people", "done": done, "total": 40}), flush=True)
+for done in range(81):
+    print(json.dumps({"stage": "people", "done": done, "total": 80}), flush=True)
     time.sleep(0.1)
 print("all is well", flush=True)
 shutil.copy(SAMPLE, output)

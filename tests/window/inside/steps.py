@@ -74,10 +74,10 @@ def tutorial() -> Iterator[float]:
     yield from hands.shoot("first_steps_retarget")
     yield from hands.open_section("export")
     with hands.in_view():
-        folder = os.environ["FOLDER"]
+        bpy.ops.wm.save_as_mainfile(filepath=str(Path(os.environ["FOLDER"]) / "handshake.blend"))
         settings = bpy.context.scene.mocap_export
-        settings.engine, settings.folder, settings.file_name = "generic", folder, "handshake"
-        _press("export", settings, directory=folder, file_name="handshake")
+        settings.engine, settings.folder, settings.file_name = "generic", "//", "handshake"
+        _press("export", settings, directory="//", file_name="handshake")
     assert settings.checks, "nothing was read back"
     assert all(check.passed for check in settings.checks), [check.text for check in settings.checks]
     assert hands.view3d().spaces.active.region_3d.view_perspective == "CAMERA", "the export has changed the view"
@@ -141,13 +141,14 @@ def solve() -> Iterator[float]:
     with hands.in_view():
         assert bpy.ops.scene_aware_mocap.solve_video(video=os.environ["VIDEO"]) == {"FINISHED"}
     assert watch.current() is not None
-    longest, last, fractions, shown = 0.0, time.monotonic(), set(), False
+    waits, last, fractions, shown = [], time.monotonic(), set(), False
     end = last + 60
     while watch.current() is not None:
         assert time.monotonic() < end, watch.current().process.lines
         yield 0.05
         now = time.monotonic()
-        longest, last = max(longest, now - last), now
+        waits.append(now - last)
+        last = now
         running = watch.current()
         if running is not None:
             fractions.add(running.process.stage.fraction)
@@ -155,9 +156,11 @@ def solve() -> Iterator[float]:
                 shown = True
                 yield from hands.shoot("solving")
                 last = time.monotonic()
-    sys.stdout.write(f"longest wait {longest:.3f} s, {len(fractions)} fractions\n")
+    waits.sort()
+    sys.stdout.write(f"longest wait {waits[-1]:.3f} s, {len(fractions)} fractions\n")
     assert len(fractions) > 5
-    assert longest < 1.5  # a software-drawn window under Xvfb; the import itself included
+    assert waits[len(waits) // 2] < 0.3  # 0.05 asked; the display is drawn by the processor
+    assert waits[-1] < 5  # the import at the end is one of them
     assert watch.last_outcome().good, watch.last_outcome().message
     assert sum(o.type == "ARMATURE" for o in bpy.data.objects) == 3
     assert "all is well" in bpy.data.texts["Solve Log"].as_string()
