@@ -9,7 +9,7 @@ and elbows to the back.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -43,6 +43,9 @@ class _Proportions:
     too_long: float
     apart: float
 
+
+# A choice of limbs that costs so much less than all others is beyond doubt.
+_CLEAR_LEAD = 0.5
 
 _LEG = _Proportions(rest=0.18, too_long=1.4, apart=0.12)
 _ARM = _Proportions(rest=0.34, too_long=2.0, apart=0.3)
@@ -82,6 +85,7 @@ class _Body:
         up_chain: bones from above the chest to the top.
         up: (3,) unit vector from the hip joints to the shoulders.
         cost: of the whole choice.
+        lead: how much more the next best choice costs.
     """
 
     legs: tuple[_Limb, _Limb]
@@ -91,6 +95,7 @@ class _Body:
     up_chain: tuple[int, ...]
     up: Array
     cost: float
+    lead: float = 0.0
 
 
 def find_by_structure(skeleton: Skeleton) -> BoneMap:
@@ -118,7 +123,7 @@ def find_by_structure(skeleton: Skeleton) -> BoneMap:
         number = left if side == "left" else 1 - left
         for role, bone, trust in _limb_roles(tree, body, number, front.direction):
             pairs.append((f"{side}_{role}", bone))
-            trusts[f"{side}_{role}"] = trust * front.trust
+            trusts[f"{side}_{role}"] = trust * front.trust * (0.5 + 0.5 * min(body.lead / _CLEAR_LEAD, 1.0))
     return _bone_map(skeleton, pairs, trusts)
 
 
@@ -142,7 +147,8 @@ def _best_body(tree: Tree) -> _Body:
         raise NotHumanoidError("this rig has no two chains of bones that could be legs: choose a humanoid's armature")
     bodies = [body for legs in limbs for arms in limbs if legs is not arms for body in _bodies(tree, legs, arms)]
     if bodies:
-        return min(bodies, key=lambda body: body.cost)
+        best, *others = sorted(bodies, key=lambda body: body.cost)
+        return replace(best, lead=others[0].cost - best.cost if others else _CLEAR_LEAD)
     if sum(_stands(tree, twins) for twins in limbs) > 1:
         raise NotHumanoidError(
             "this rig stands on more than two legs: only rigs with two legs and two arms can be retargeted"
@@ -178,15 +184,28 @@ def _bodies(tree: Tree, legs: Twins, arms: Twins) -> Iterator[_Body]:
     trunk = _middle(heads, arm_pair) - _middle(heads, leg_pair)
     up = trunk / max(float(np.linalg.norm(trunk)), 1e-9)
     drop = min(float((heads[leg.first] - heads[leg.chain[-1]]) @ up) / tree.reaches[leg.first] for leg in leg_pair)
-    up_chain = _up_chain(tree, hips, arms, legs, up)
+    up_chain = _up_chain(tree, hips, arms, legs, (up, _level(_across_pair(heads, arm_pair), up)))
     if drop < 0.4 or not up_chain:
         return
     if _across_pair(heads, leg_pair) @ _across_pair(heads, arm_pair) < 0:
         arm_pair = (arm_pair[1], arm_pair[0])
-    longest = max(_reach(tree, twins) for twins in (legs, arms))
-    short = 2 - (_reach(tree, legs) + _reach(tree, arms)) / longest
-    cost = leg_pair[0].cost + arm_pair[0].cost + 2 * short + 2 * (1 - drop)
+    cost = leg_pair[0].cost + arm_pair[0].cost + 2 * (1 - drop) + _oddity(tree, legs, arms, trunk)
     yield _Body(leg_pair, arm_pair, hips, arms.parent, up_chain, up, cost)
+
+
+def _oddity(tree: Tree, legs: Twins, arms: Twins, trunk: Array) -> float:
+    """How much two pairs of branches look like skirts, capes, wings or hair instead of legs and arms."""
+    heads = tree.skeleton.heads
+    length = float(np.linalg.norm(trunk))
+    leg, arm = _reach(tree, legs), _reach(tree, arms)
+    # Legs end near the lowest joints, arms begin well above them, and neither is much shorter than the other.
+    heights = heads @ (trunk / length)
+    gap = max(float(heights[chain[-1]]) for chain in legs.chains) - float(heights.min())
+    cost = 3 * min(gap / leg, 0.5) + 6 * max(0.35 - length / leg, 0) + 4 * max(0.5 - min(leg, arm) / max(leg, arm), 0)
+    # Arms spread at least a little: what the two sides have in common cancels out.
+    ways = [heads[chain[-1]] - heads[chain[0]] for chain in arms.chains]
+    spread = float(np.linalg.norm(ways[0] - ways[1])) / (2 * arm)
+    return cost + 6 * max(0.25 - spread, 0)
 
 
 def _middle(heads: Array, pair: Sequence[_Limb]) -> Array:
@@ -200,9 +219,13 @@ def _across_pair(heads: Array, pair: Sequence[_Limb]) -> Array:
 def _across(tree: Tree, body: _Body) -> Array:
     """(3,) unit vector from the second side to the first, at right angles to up."""
     heads = tree.skeleton.heads
-    across = _across_pair(heads, body.legs) + _across_pair(heads, body.arms)
-    across = across - (across @ body.up) * body.up
-    return across / np.linalg.norm(across)
+    return _level(_across_pair(heads, body.legs) + _across_pair(heads, body.arms), body.up)
+
+
+def _level(way: Array, up: Array) -> Array:
+    """(3,) the unit vector nearest to a direction that is at right angles to up."""
+    level = way - (way @ up) * up
+    return level / max(float(np.linalg.norm(level)), 1e-9)
 
 
 # --- the joints of a limb -------------------------------------------------------------------------------------------
@@ -269,17 +292,26 @@ def _spine(tree: Tree, body: _Body) -> list[int]:
     return list(reversed(line[: line.index(body.hips)]))
 
 
-def _up_chain(tree: Tree, hips: int, arms: Twins, legs: Twins, up: Array) -> tuple[int, ...]:
-    """From above the arms to the top: the branch of the chest, or of a bone below it, that rises highest."""
-    heads = tree.skeleton.heads
+def _up_chain(tree: Tree, hips: int, arms: Twins, legs: Twins, axes: tuple[Array, Array]) -> tuple[int, ...]:
+    """From above the arms to the top: the branch of the chest, or of a bone below it, that rises highest in the middle.
+
+    Args:
+        tree: of the rig.
+        hips: the lowest bone to look at.
+        arms, legs: no part of the branch.
+        axes: unit vectors upwards and across.
+    """
+    up, across = axes
+    middle = np.mean([tree.skeleton.heads[chain[0]] for chain in arms.chains], axis=0)
+    offsets = tree.skeleton.heads - middle
+    rises = offsets @ up - np.abs(offsets @ across)
     limbs = {chain[0] for twins in (arms, legs) for chain in twins.chains}
     line = tree.line(arms.parent)
-    shoulders = float(np.mean([heads[chain[0]] @ up for chain in arms.chains]))
     for bone in line[: line.index(hips) + 1]:
         branches = [c for c in tree.children[bone] if c not in line and not limbs & set(tree.line(c))]
-        heights = {c: max(float(heads[b] @ up) for b in tree.below(c)) for c in branches}
+        heights = {c: max(float(rises[b]) for b in tree.below(c)) for c in branches}
         best = max(heights, key=heights.__getitem__, default=None)
-        if best is not None and heights[best] > shoulders + 0.02 * tree.size:
+        if best is not None and heights[best] > 0.02 * tree.size:
             return _risen(tree, best)
     return ()
 

@@ -142,10 +142,11 @@ class Tree:
         return tuple(next((b for b in group if len(self.children[b]) > 1), group[-1]) for group in groups)
 
     def twins(self) -> list[Twins]:
-        """All limbs, the longest first: twins that hold no twins of their own, but for fingers and toes."""
+        """All limbs, the longest first: twins that hold no twins but fingers and toes, and are none themselves."""
         siblings = [(-1, self.roots), *enumerate(self.children)]
         pairs = [(parent, *pair) for parent, bones in siblings for pair in self._pairs(bones)]
-        limbs = [pair for pair in pairs if not any(self._is_part(other, pair) for other in pairs)]
+        wholes = [pair for pair in pairs if not any(self._is_in(p, pair) and self._is_long(p, pair) for p in pairs)]
+        limbs = [pair for pair in wholes if not any(self._is_in(pair, whole) for whole in wholes)]
         limbs.sort(key=lambda pair: -self.reaches[pair[1]])
         return [
             Twins(parent, (self.chain(a), self.chain(b)))
@@ -153,11 +154,13 @@ class Tree:
             if self.reaches[a] > _SHORT * self.reaches[limbs[0][1]]
         ]
 
-    def _is_part(self, twins: tuple[int, int, int], whole: tuple[int, int, int]) -> bool:
-        """Whether twins that are too long for fingers branch within one of two others."""
-        parent, bone, _ = twins
-        inside = parent >= 0 and any(self.is_below(parent, other) for other in whole[1:])
-        return inside and self.reaches[bone] > _LONG_FINGERS * self.reaches[whole[1]]
+    def _is_in(self, twins: tuple[int, int, int], whole: tuple[int, int, int]) -> bool:
+        """Whether two branches leave one of two others."""
+        return twins[0] >= 0 and any(self.is_below(twins[0], other) for other in whole[1:])
+
+    def _is_long(self, twins: tuple[int, int, int], whole: tuple[int, int, int]) -> bool:
+        """Whether branches are too long for fingers of others."""
+        return self.reaches[twins[1]] > _LONG_FINGERS * self.reaches[whole[1]]
 
     def _pairs(self, bones: Sequence[int]) -> Iterator[tuple[int, int]]:
         """Siblings of which each is most like the other and that lead to different places."""

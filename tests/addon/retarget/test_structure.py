@@ -118,6 +118,44 @@ def test_tails_hair_skirt_and_fingers_are_no_limbs(addon: Any) -> None:
     assert found(addon, with_bones(rig.skeleton, bones)) == truth(rig.bone_map)
 
 
+BRANCHES: dict[str, tuple[str, tuple[float, float, float], tuple[float, float, float], int]] = {
+    "pigtails": ("head", (0.09, 0.06, 1.6), (0.01, 0.01, -0.1), 9),
+    "wings": ("spine3", (0.1, 0.12, 1.4), (0.3, 0.1, 0.1), 5),
+    "cape": ("spine3", (0.12, 0.12, 1.4), (0.0, 0.02, -0.2), 6),
+    "long skirt": ("hips", (0.15, 0.02, 0.95), (0.03, 0.0, -0.15), 6),
+    "ears": ("head", (0.08, 0.0, 1.7), (0.05, 0.0, 0.1), 4),
+    "tailcoat": ("spine1", (0.08, 0.1, 1.0), (0.0, 0.03, -0.15), 5),
+}
+"""Parent, first place on the left, step from bone to bone, and number of bones."""
+
+
+@pytest.mark.parametrize("arms_down", [0.0, 0.7, 1.3])
+@pytest.mark.parametrize("branch", BRANCHES)
+def test_what_characters_wear_is_no_limb(addon: Any, branch: str, arms_down: float) -> None:
+    rig = make_rig(addon, Build(arms_down=arms_down))
+    above, first, step, count = BRANCHES[branch]
+    bones: Bones = {}
+    for sign, side in SIDES:
+        for number in range(count):
+            place = (np.array(first) + number * np.array(step)) * [sign, 1, 1]
+            bones[f"{side}_{number}"] = (f"{side}_{number - 1}" if number else above, tuple(place))
+    assert found(addon, with_bones(rig.skeleton, bones | fingers(rig.skeleton))) == truth(rig.bone_map)
+
+
+def fingers(skeleton: Any) -> Bones:
+    """Three on each hand, along the forearm."""
+    bones: Bones = {}
+    for _, side in SIDES:
+        wrist, elbow = (skeleton.heads[skeleton.index(f"{side}_{limb}")] for limb in ("hand", "forearm"))
+        along = (wrist - elbow) / np.linalg.norm(wrist - elbow)
+        for finger in range(3):
+            for number in range(3):
+                above = f"{side}_finger{finger}_{number - 1}" if number else f"{side}_hand"
+                place = wrist + (0.08 + 0.03 * number) * along + [0.0, 0.02 * finger - 0.02, 0.0]
+                bones[f"{side}_finger{finger}_{number}"] = (above, tuple(place))
+    return bones
+
+
 def test_sides_are_told_by_knees_and_elbows_when_there_are_no_toes(addon: Any) -> None:
     rig = make_rig(addon, Build(without=("toe",), elbows_bent=0.3, facing=2.0))
     anonymous, _ = shuffled_names(rig.skeleton)
