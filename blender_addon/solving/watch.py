@@ -160,7 +160,10 @@ def _another_file(*_: object) -> None:
 
 
 def _redraw() -> None:
+    """The sidebars and the log; not the views themselves, which may take long to draw."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type in {"VIEW_3D", "TEXT_EDITOR"}:
-                area.tag_redraw()
+            shown = {"VIEW_3D": "UI", "TEXT_EDITOR": "WINDOW"}.get(area.type)
+            for region in area.regions:
+                if region.type == shown:
+                    region.tag_redraw()
