@@ -34,7 +34,9 @@ def main() -> None:
         write_take(path, make_take(spec))
         reading, take = timed(lambda: read_take(path))
         building = timed_import(take, path)
-    print(f"{spec.people} people x {spec.frames} frames x {spec.points} points, {spec.vertices} vertices a person")
+    print(
+        f"Blender {blender_version()}: {spec.people} people x {spec.frames} frames x {spec.points} points, {spec.vertices} vertices a person"
+    )
     print(f"| read and check | {reading:6.2f} s |")
     print(f"| build in Blender | {building:6.2f} s |")
     print(f"| all | {reading + building:6.2f} s |")
@@ -53,6 +55,13 @@ def timed_import(take: Take, path: Path) -> float:
         bpy.context.view_layer.update()
 
     return timed(build)[0]
+
+
+def blender_version() -> str:
+    """Of the bpy that runs."""
+    import bpy
+
+    return bpy.app.version_string
 
 
 def timed(work: Callable[[], Result]) -> tuple[float, Result]:
