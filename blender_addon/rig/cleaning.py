@@ -30,8 +30,12 @@ from .retargeting import frames_of
 
 Array = NDArray[np.float64]
 Surface = Literal["AUTO", "CLOUD", "FLOOR"]
+Contacts = Literal["NEEDED", "USEFUL", "UNUSED"]
 Work = Generator[float, None, list[str]]
 """Yields the part done, 0..1; nothing has changed until it returns, with sentences for the user."""
+
+
+_URGENCY: tuple[Contacts, ...] = ("NEEDED", "USEFUL", "UNUSED")
 
 
 @dataclass(frozen=True)
@@ -41,13 +45,13 @@ class Step:
     Attributes:
         label: for the new action's name.
         change: the motion instead, and a sentence for the user or "".
-        contacts: whether it needs to know when feet stand.
+        contacts: whether it must know when feet stand; "USEFUL" where it does with what is known.
         surface: which ground it needs; None for none.
     """
 
     label: str
     change: Callable[[Performance, Ground], tuple[Motion, str]]
-    contacts: bool = True
+    contacts: Contacts = "NEEDED"
     surface: Surface | None = None
 
 
@@ -60,7 +64,8 @@ class _Person:
 
 def smoothing(cutoff: float, *, keep_contacts: bool = True) -> Step:
     """Take out what is faster than `cutoff` Hz."""
-    return Step("smooth", lambda p, _: (smooth(p, cutoff, keep_contacts=keep_contacts), ""), contacts=False)
+    contacts: Contacts = "USEFUL" if keep_contacts else "UNUSED"
+    return Step("smooth", lambda p, _: (smooth(p, cutoff, keep_contacts=keep_contacts), ""), contacts)
 
 
 def foot_lock(blend: float) -> Step:
@@ -92,12 +97,12 @@ def gap_filling(filling: Filling, confidence: float) -> Step:
         note = "" if gaps else f"'{performance.name}' is never hidden"
         return fill(performance, gaps, filling), note
 
-    return Step("filled", change, contacts=False)
+    return Step("filled", change, contacts="UNUSED")
 
 
 def baking() -> Step:
     """All layers and constraints as keys."""
-    return Step("baked", lambda performance, _: (performance.motion, ""), contacts=False)
+    return Step("baked", lambda performance, _: (performance.motion, ""), contacts="UNUSED")
 
 
 def clean(
@@ -115,7 +120,8 @@ def clean(
         UserError: it cannot be done for any of them, or an armature may not be changed.
     """
     notes: list[str] = []
-    changed = yield from _read(context, people, contacts=any(step.contacts for step in steps), notes=notes)
+    contacts = min((step.contacts for step in steps), key=_URGENCY.index)
+    changed = yield from _read(context, people, contacts, notes)
     for number, step in enumerate(steps):
         grounds = _grounds(changed, step.surface)
         for place, (person, ground) in enumerate(zip(changed, grounds, strict=True)):
@@ -141,7 +147,7 @@ def reduce(context: bpy.types.Context, people: Sequence[bpy.types.Object], bound
     Raises:
         UserError: an armature may not be changed.
     """
-    found = yield from _read(context, people, contacts=False, notes=[])
+    found = yield from _read(context, people, "UNUSED", [])
     few: list[FewKeys] = []
     for number, person in enumerate(found):
         yield 0.5 + 0.5 * number / len(found)
@@ -177,7 +183,7 @@ def finish(work: Work, progress: Callable[[float], None] = lambda _: None) -> li
 
 
 def _read(
-    context: bpy.types.Context, people: Sequence[bpy.types.Object], *, contacts: bool, notes: list[str]
+    context: bpy.types.Context, people: Sequence[bpy.types.Object], contacts: Contacts, notes: list[str]
 ) -> Generator[float, None, list[_Person]]:
     """Everybody as they move now; who lacks what is needed is left out with a note, if there are others."""
     for obj in people:
@@ -189,9 +195,12 @@ def _read(
         frames = frames_of([obj])
         performance = read_performance(context, obj, frames)
         try:
-            found.append(_Person(obj, frames, with_contacts(obj, performance) if contacts else performance))
+            found.append(_Person(obj, frames, performance if contacts == "UNUSED" else with_contacts(obj, performance)))
         except UserError as error:
-            refusals.append(error)
+            if contacts == "USEFUL":
+                found.append(_Person(obj, frames, performance))
+            else:
+                refusals.append(error)
     if not found:
         raise refusals[0]
     notes += [str(error) for error in refusals]
