@@ -34,9 +34,8 @@ def main() -> None:
         write_take(path, make_take(spec))
         reading, take = timed(lambda: read_take(path))
         building = timed_import(take, path)
-    print(
-        f"Blender {blender_version()}: {spec.people} people x {spec.frames} frames x {spec.points} points, {spec.vertices} vertices a person"
-    )
+    size = f"{spec.people} people x {spec.frames} frames x {spec.points} points"
+    print(f"Blender {blender_version()}: {size}, {spec.vertices} vertices a person")
     print(f"| read and check | {reading:6.2f} s |")
     print(f"| build in Blender | {building:6.2f} s |")
     print(f"| all | {reading + building:6.2f} s |")
