@@ -120,7 +120,7 @@ def clean(
         UserError: it cannot be done for any of them, or an armature may not be changed.
     """
     notes: list[str] = []
-    contacts = min((step.contacts for step in steps), key=_URGENCY.index)
+    contacts = _URGENCY[min(_URGENCY.index(step.contacts) for step in steps)]
     changed = yield from _read(context, people, contacts, notes)
     for number, step in enumerate(steps):
         grounds = _grounds(changed, step.surface)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from core_solver.take import JOINT_NAMES, write_take
+from tests.addon.retarget.skeletons import MIXAMO, make_rig, walk
 
 from .blender_truth import armature_of, bone_heads, data_counts
+from .rig.humanoids import bone_name, humanoid
 from .take_factory import TakeSpec, make_take
 
 FRAMES = range(1, 41)
@@ -254,3 +256,22 @@ def test_a_linked_person_is_refused(bpy: Any, people: list[Any], tmp_path: Path)
     for operation in (*OPERATIONS, "split_person"):
         options = {"first": name, "frame": 9} if operation == "split_person" else {"people": name}
         refused(bpy, operation, "linked from another file", **options)
+
+
+def test_rigs_that_no_take_brought_in_are_cleaned_too(bpy: Any, addon: Any) -> None:
+    """A walker on a rig of scale 0.01 without any custom properties: its feet are seen to stand."""
+    person = make_rig(addon, MIXAMO)
+    motion, contacts = walk(addon, person, len(FRAMES))
+    rig = humanoid(bpy, addon, MIXAMO)
+    skeleton = addon("rig.reading").read_skeleton(rig)
+    order = [next(i for i, role in enumerate(person.skeleton.names) if bone_name(role) == n) for n in skeleton.names]
+    moving = type(motion)(motion.times, motion.rotations[:, order], motion.heads[:, order])
+    addon("rig.writing").write_motion(rig, skeleton, moving, "walk", skeleton.names, np.array(FRAMES, float))
+    rig.select_set(True)
+    for name, options in OPERATIONS.items():
+        assert ops(bpy, name)(**options) == {"FINISHED"}
+    after = addon("rig.reading").read_motion(rig, skeleton, np.array(FRAMES, float))
+    stands = contacts[1:, 0] * contacts[:-1, 0] > 0
+    foot = after.heads[:, skeleton.index(bone_name("left_foot"))]
+    assert np.linalg.norm(np.diff(foot, axis=0), axis=-1)[stands][2:-2].max() < 0.006
+    assert np.linalg.norm(after.heads - moving.heads, axis=-1).mean() < 0.05
