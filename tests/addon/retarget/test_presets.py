@@ -44,6 +44,11 @@ KNOWN = {
         "root", ["lowerback", "upperback", "thorax"], "lowerneck", "head",
         ["lclavicle", "lhumerus", "lradius", "lwrist", "lfemur", "ltibia", "lfoot", "ltoes"], None,
     ),
+    "BVH (joint names)": (
+        "Hips", ["Chest", "Chest2"], "Neck", "Head",
+        [f"Left{joint}" for joint in ("Collar", "Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle", "Toe")],
+        ("Left", "Right"),
+    ),
     "Character Creator, iClone": (
         "CC_Base_Hip", ["CC_Base_Waist", "CC_Base_Spine01", "CC_Base_Spine02"], "CC_Base_NeckTwist01", "CC_Base_Head",
         [f"CC_Base_L_{n}" for n in ("Clavicle", "Upperarm", "Forearm", "Hand", "Thigh", "Calf", "Foot", "ToeBase")],
