@@ -27,10 +27,12 @@ from ..retarget.scene import Outcome, retarget_scene
 from ..retarget.skeleton import Motion, Skeleton, carried_axes
 from ..retarget.transfer import leg_length
 from ..retarget.turning import turns_of
-from ..scene_import.armature import CONTACTS
+from ..scene_import.actions import Curves
+from ..scene_import.armature import CONFIDENCE, CONTACTS, EVIDENCE, PRESENT_FROM, PRESENT_UNTIL
+from ..scene_import.presence import PRESENT, hide_absent_body
 from .controls import Controls, controls_of, switch_curves
 from .copying import copy_rig, remove_rig
-from .curves import curves_of, sample
+from .evidence import evidence_curves, read_evidence, says_contacts
 from .ground import ground_under
 from .reading import read_motion, read_skeleton
 from .writing import check_writable, write_motion
@@ -146,8 +148,8 @@ def _check(roles: Sequence[Role]) -> None:
 def _actor(role: Role, controls: Controls, frames: Array, notes: list[str]) -> Actor:
     person = read_skeleton(role.person)
     motion = read_motion(role.person, person, frames)
-    contacts = _contacts(role.person, frames)
-    if contacts is None:
+    contacts = read_evidence(role.person, frames).contacts
+    if not says_contacts(role.person):
         contacts = detect_contacts(person, role.person_map, motion)
         notes.append(f"'{role.person.name}' does not say when feet stand: taken from how low and slow they are")
     body, body_map = joined(controls.skeleton, role.rig_map)
@@ -164,17 +166,6 @@ def _oddities(name: str, skeleton: Skeleton, bone_map: BoneMap) -> list[str]:
     if not _SHORTEST_LEG < leg < _LONGEST_LEG:
         notes.append(f"the legs of '{name}' are {leg:.2f} m long: its file may be in other units, scale the armature")
     return notes
-
-
-def _contacts(person: Any, frames: Array) -> Array | None:
-    """(T, 2) as the armature's custom properties say; None for motions from elsewhere."""
-    if any(name not in person for name in CONTACTS):
-        return None
-    curves = curves_of(person.animation_data)
-    paths = [(f'["{name}"]', 0) for name in CONTACTS]
-    if any(path not in curves for path in paths):
-        return None
-    return np.stack([sample(curves[path], frames) for path in paths], axis=1)
 
 
 def _ground(person: bpy.types.Object, actors: Sequence[Actor]) -> Ground:
@@ -196,7 +187,8 @@ def _shown(
             if role.copied:
                 rig = copy_rig(role.rig, f"{role.rig.name} {role.person.name}")
                 copies.append(rig)
-            _key(rig, f"{role.person.name} on {role.rig.name}", handles, actor, motion, frames)
+            known = _pass_on(role.person, rig, frames) if role.copied else []
+            _key(rig, f"{role.person.name} on {role.rig.name}", handles, actor, motion, frames, known)
             rigs.append(rig)
     except UserError:
         for copy in copies:
@@ -205,14 +197,34 @@ def _shown(
     return tuple(rigs)
 
 
-def _key(rig: bpy.types.Object, name: str, controls: Controls, actor: Actor, motion: Motion, frames: Array) -> None:
+def _pass_on(person: Any, copy: Any, frames: Array) -> list[Curves]:
+    """Let a copy know what its person knows: when feet stand, when the body is there; and hide it while it is not."""
+    for name in (EVIDENCE, PRESENT, PRESENT_FROM, PRESENT_UNTIL, *CONTACTS, CONFIDENCE):
+        if name in person:
+            copy[name] = person[name]
+    evidence = read_evidence(person, frames)
+    if not evidence.present.all():
+        for skin in copy.children_recursive:
+            hide_absent_body(skin, copy)
+    return evidence_curves(copy, evidence)
+
+
+def _key(
+    rig: bpy.types.Object,
+    name: str,
+    controls: Controls,
+    actor: Actor,
+    motion: Motion,
+    frames: Array,
+    known: Sequence[Curves],
+) -> None:
     skeleton = controls.skeleton
     shown = reordered(motion, actor.target, skeleton)
     _place_poles(controls, actor, motion, shown)
     root = root_of(skeleton, actor.target_map)
     moved = [actor.target_map.needed("hips"), *([skeleton.names[root]] if root is not None else [])]
-    switches = switch_curves(rig, controls.switches, frames)
-    write_motion(rig, skeleton, shown, name, controls.keyed, frames, moved, switches)
+    others = [*switch_curves(rig, controls.switches, frames), *known]
+    write_motion(rig, skeleton, shown, name, controls.keyed, frames, moved, others)
 
 
 def _place_poles(controls: Controls, actor: Actor, motion: Motion, shown: Motion) -> None:

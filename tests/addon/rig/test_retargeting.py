@@ -255,3 +255,21 @@ def test_a_linked_rig_is_refused_but_its_copy_moves(bpy: Any, addon: Any, people
     copy = bpy.data.objects["Hero Person 1"]
     assert copy.library is None
     assert copy.animation_data.action.name == "Person 1 on Hero"
+
+
+def test_copies_of_people_who_come_later_are_hidden_until_then(bpy: Any, addon: Any, tmp_path: Path) -> None:
+    """As their people are; and they know when their feet stand, so that they can be cleaned."""
+    write_take(tmp_path / "late.npz", make_take(TakeSpec(frames=len(FRAMES), absence=4)))
+    bpy.ops.import_scene.scene_aware_mocap(filepath=str(tmp_path / "late.npz"))
+    rig = humanoid(bpy, addon, MIXAMO)
+    assert retarget(bpy, rig=rig.name) == {"FINISHED"}
+    assert "present" not in rig
+    for person in [obj for obj in bpy.data.objects if "person_id" in obj]:
+        copy = bpy.data.objects[f"Hero {person.name}"]
+        body, skin = person.children[0], copy.children[0]
+        hidden = []
+        for frame in FRAMES:
+            bpy.context.scene.frame_set(frame)
+            hidden.append((body.hide_render, skin.hide_render, copy["contact_left"] == person["contact_left"]))
+        assert {pair[0] for pair in hidden} == {True, False}
+        assert all(pair[0] == pair[1] and pair[2] for pair in hidden)
