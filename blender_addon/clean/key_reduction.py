@@ -5,7 +5,6 @@ Between two keys a curve is a cubic with the motion's own slope at both ends. In
 whose handles reach a third of the way to the neighbouring keys, so it is known exactly what Blender will show.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +21,6 @@ _SAFE = 0.98
 # A bone's own error may be this part of the bound at first: errors of a chain of bones add up, some against each other.
 _OWN = 1.0
 _TIGHTER = 0.6
-_MOST_ROUNDS = 10_000
 
 
 @dataclass(frozen=True)
@@ -63,13 +61,7 @@ class FewKeys:
         return pose(skeleton, times, *_shown(self))
 
 
-def reduce_keys(
-    skeleton: Skeleton,
-    motion: Motion,
-    modes: tuple[str, ...],
-    bound: Bound,
-    progress: Callable[[float], None] = lambda _: None,
-) -> FewKeys:
+def reduce_keys(skeleton: Skeleton, motion: Motion, modes: tuple[str, ...], bound: Bound) -> FewKeys:
     """Choose the keys that keep a motion within a bound.
 
     Args:
@@ -77,7 +69,6 @@ def reduce_keys(
         motion: with a key on each frame.
         modes: rotation mode of each bone.
         bound: not to be exceeded.
-        progress: told the part of frames that are good, 0..1.
     """
     channels = channels_of(skeleton, motion)
     turns = matrices_from_channels(channels.quaternions, QUATERNION)
@@ -88,22 +79,22 @@ def reduce_keys(
     few = FewKeys(modes, keyed, rotations, slopes[0], channels.locations, slopes[1])
     may_turn, may_shift = _own_bounds(skeleton, bound, len(turns))
     above = _ancestors(skeleton)
-    for _ in range(_MOST_ROUNDS):
+    # Each round adds keys or asks for more of some bones; with a key on each frame the motion is exact.
+    while True:
         shown = _shown(few)
         own = np.maximum(
             _angles(shown[0], turns) / may_turn,
             skeleton.to_world.scale * np.linalg.norm(shown[1] - channels.locations, axis=-1) / may_shift,
         )
-        if not _key_worst(keyed, own):
-            wrong = _exceeding(skeleton, motion, pose(skeleton, motion.times, *shown), bound)
-            if not wrong.any():
-                break
-            # Whoever is above a bone that is off may be the cause.
-            causes = wrong @ above
-            may_turn[causes] *= _TIGHTER
-            may_shift[causes] *= _TIGHTER
-            progress(1.0 - float(wrong.any(axis=1).mean()))
-    return few
+        if _key_worst(keyed, own):
+            continue
+        wrong = _exceeding(skeleton, motion, pose(skeleton, motion.times, *shown), bound)
+        if not wrong.any():
+            return few
+        # Whoever is above a bone that is off may be the cause.
+        causes = wrong @ above
+        may_turn[causes] *= _TIGHTER
+        may_shift[causes] *= _TIGHTER
 
 
 def _slopes(values: Array) -> Array:
