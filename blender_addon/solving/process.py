@@ -5,6 +5,7 @@ import contextlib
 import json
 import os
 import queue
+import re
 import signal
 import subprocess
 import sys
@@ -19,6 +20,8 @@ from .request import SolveRequest
 
 _GRACE_S = 5.0
 """So long a cancelled solver may take to tidy up before it is killed."""
+_BAR = re.compile(r"^(?P<name>[^:|]+):\s+(?P<percent>\d+)%\|")
+"""Downloads of networks, which come before the first stage, are shown as bars."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +132,8 @@ class SolverProcess:
     def _hear(self, line: str) -> None:
         event = _event(line)
         if event is None:
-            self._keep(line)
+            if line.strip():
+                self._keep(line)
         elif "note" in event:
             self._keep(event["note"])
         elif "stage" in event:
@@ -188,7 +192,10 @@ def _listen(stream: IO[str] | None, said: "queue.SimpleQueue[str | None]") -> No
 
 
 def _event(line: str) -> dict[str, Any] | None:
-    """A line of progress as the object it is; None for any other line."""
+    """A line of progress as the object it is, also where it is a bar; None for any other line."""
+    bar = _BAR.match(line)
+    if bar is not None:
+        return {"stage": bar["name"], "done": int(bar["percent"]), "total": 100}
     if not line.startswith("{"):
         return None
     try:

@@ -26,6 +26,9 @@ if "--version" in sys.argv:
 part = os.environ["PART"]
 print("asked", json.dumps(sys.argv[1:], ensure_ascii=False), flush=True)
 output = sys.argv[sys.argv.index("--output") + 1]
+for percent in (0, 50, 100):
+    print(f"\\ropen-body: {percent:3d}%|####      | 1.0M/45.5M [00:01<00:02]", end="", file=sys.stderr, flush=True)
+print(file=sys.stderr)
 for done in (0, 5, 10, 10):
     print(json.dumps({"stage": "people", "done": done, "total": 10}), file=sys.stderr, flush=True)
 print(json.dumps({"note": "a remark"}), file=sys.stderr, flush=True)
@@ -175,7 +178,8 @@ def test_progress_arrives_while_it_works_and_the_log_is_kept(addon: Any, stage: 
     assert "two people.mp4" in process.lines[0]
     assert "a remark" in process.lines
     assert sum(line.startswith("people: 10 done in") for line in process.lines) == 1
-    assert not any(line.startswith("{") for line in process.lines)
+    assert sum(line.startswith("open-body: 100 done in") for line in process.lines) == 1
+    assert not any(line.startswith("{") or "%|" in line or not line for line in process.lines)
     assert process.request.log.read_text(encoding="utf-8").splitlines() == process.lines
 
 
