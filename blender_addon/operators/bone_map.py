@@ -17,7 +17,7 @@ from ..retarget.presets import save_preset
 from ..retarget.roles import NEEDED
 from ..retarget.validation import find_problems
 from ..retarget.vrm import read_vrm_map
-from ..rig.maps import all_presets, found_map, own_presets_folder
+from ..rig.maps import all_presets, damaged_presets, found_map, own_presets_folder
 from ..rig.reading import read_skeleton
 from ..settings.bone_map import store_map, stored_map
 
@@ -39,6 +39,8 @@ class _OnRig:
         except UserError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        for problem in damaged_presets():
+            self.report({"WARNING"}, problem)
         return {"FINISHED"}
 
     def run(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:

@@ -66,6 +66,11 @@ def all_presets() -> tuple[Preset, ...]:
     return own + tuple(preset for preset in built_in_presets() if preset.title not in titles)
 
 
+def damaged_presets() -> tuple[str, ...]:
+    """What is wrong with files among the user's presets that cannot be used."""
+    return read_presets(own_presets_folder())[1]
+
+
 def own_presets_folder() -> Path:
     """Where the user's presets are kept; it need not exist yet."""
     if _PACKAGE.startswith("bl_ext."):

@@ -61,8 +61,10 @@ class BoneMapSettings(bpy.types.PropertyGroup):
 
 
 def stored_map(scene: bpy.types.Scene, obj: bpy.types.Object) -> BoneMap | None:
-    """The map that was detected, loaded or edited for an armature object; None if there is none yet."""
-    rig_map = scene.mocap_bone_map.rigs.get(obj.name)
+    """The map that was detected, loaded or edited for an armature object or for one it copies; None if none was."""
+    rigs = scene.mocap_bone_map.rigs
+    of_copies = (entry for entry in rigs if (other := scene.objects.get(entry.name)) and other.data == obj.data)
+    rig_map = rigs.get(obj.name) or next(of_copies, None)
     return None if rig_map is None else map_from(rig_map)
 
 

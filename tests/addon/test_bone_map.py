@@ -177,6 +177,33 @@ def test_retargeting_uses_the_users_map_and_refuses_a_broken_one(bpy: Any, addon
         map_of(bpy.context, obj, "fk")
 
 
+def test_copies_of_a_rig_share_its_map(bpy: Any, addon: Any) -> None:
+    obj = mixamo_rig(bpy)
+    bpy.ops.scene_aware_mocap.detect_bones()
+    entry_of(bpy, "left_toe").bone = ""
+    copy = obj.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    other = mixamo_rig(bpy, name="Other")
+    map_of = addon("rig.maps").map_of
+    assert map_of(bpy.context, copy, "fk").bone("left_toe") is None
+    assert map_of(bpy.context, other, "fk").bone("left_toe") == "mixamorig:LeftToeBase"
+
+
+def test_a_damaged_preset_of_the_user_is_told_and_passed_over(
+    bpy: Any, addon: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
+    mixamo_rig(bpy)
+    folder = addon("rig.maps").own_presets_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "mine.json").write_text("{")
+    try:
+        assert bpy.ops.scene_aware_mocap.detect_bones() == {"FINISHED"}
+    finally:
+        (folder / "mine.json").unlink()
+    assert "Warning: mine.json is no bone map: it is not valid JSON" in capfd.readouterr().out
+    assert bpy.context.scene.mocap_bone_map.rigs["Character"].confidence == 1.0
+
+
 @pytest.mark.parametrize("version", ["0.0", "1.0"])
 def test_the_map_kept_by_the_vrm_add_on_comes_first(bpy: Any, addon: Any, version: str) -> None:
     obj = mixamo_rig(bpy)
