@@ -213,6 +213,7 @@ def _add_solve(commands: Commands) -> argparse.ArgumentParser:
         "--points", type=_count, default=argparse.SUPPRESS, metavar="N", help="most points in the cloud (200000)"
     )
     parser.add_argument("--models-dir", type=Path, metavar="DIR", help="where models are kept")
+    parser.add_argument("--offline", action="store_true", help="fetch no models: those that are missing are an error")
     parser.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto")
     parser.add_argument("--resume", action="store_true", help="go on from what an earlier run has kept in TAKE.work")
     parser.add_argument("--body", type=Path, metavar="FILE", help="your own SMPL file (.npz or .pkl)")

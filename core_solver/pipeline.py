@@ -64,6 +64,7 @@ class SolveOptions:
         networks: the user's own networks: TOML files, or names in the catalogue.
         modalities: folder with what other programs have already seen.
         models_dir: where models are kept.
+        offline: fetch no models.
         body: a user's own SMPL file.
         device: "auto", "cpu" or "cuda".
         preset: name in `PRESETS`.
@@ -86,6 +87,7 @@ class SolveOptions:
     networks: tuple[str, ...] = ()
     modalities: Path | None = None
     models_dir: Path | None = None
+    offline: bool = False
     body: Path | None = None
     device: str = "auto"
     preset: str = "fast"
@@ -105,7 +107,7 @@ def solve_video(options: SolveOptions, progress: Progress) -> Take:
     device = choose_device(options.device)
     clip = open_video(options.video, options.start_s, options.end_s, options.every, options.rotate)
     known_camera = choose_camera(options, clip, progress)
-    store = ModelStore(options.models_dir)
+    store = ModelStore(options.models_dir, offline=options.offline)
     body = load_body(options.body or store.require("open-body"))
     networks = _choose_networks(options, store, clip, body, progress)
     if known_camera is None and options.networks:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sidebar's first section: from a video to a take."""
 
+import textwrap
 import time
 
 import bpy
@@ -11,6 +12,9 @@ from ..settings.solve import copy_inputs
 from ..solving import watch
 
 iface_ = bpy.app.translations.pgettext_iface
+
+_LINE = 42
+"""Letters that fit the sidebar beside an icon."""
 
 
 class SolvePanel(bpy.types.Panel):
@@ -45,7 +49,15 @@ class SolvePanel(bpy.types.Panel):
         copy_inputs(settings, button)
         outcome = watch.last_outcome()
         if outcome is not None:
-            layout.label(text=outcome.message, icon="CHECKMARK" if outcome.good else "ERROR", translate=False)
+            _draw_outcome(layout, outcome)
+
+
+def _draw_outcome(layout: bpy.types.UILayout, outcome: watch.Outcome) -> None:
+    column = layout.column(align=True)
+    icon = "CHECKMARK" if outcome.good else "ERROR"
+    for line in textwrap.wrap(outcome.message, _LINE):
+        column.label(text=line, icon=icon, translate=False)
+        icon = "BLANK1"
 
 
 def _draw_camera(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:

@@ -9,6 +9,8 @@ from typing import Any
 
 import bpy
 
+from core_solver.errors import UserError
+
 from ..solving.request import SolveRequest
 
 _PRESETS = (
@@ -83,6 +85,8 @@ def request_of(inputs: Any) -> SolveRequest:
     Raises:
         UserError: it cannot be carried out; says why.
     """
+    if not inputs.video:
+        raise UserError("no video is chosen: choose one")
     request = SolveRequest(
         video=Path(_absolute(inputs.video)),
         output=Path(_absolute(inputs.output)) if inputs.output else None,
@@ -96,6 +100,7 @@ def request_of(inputs: Any) -> SolveRequest:
         every=inputs.every,
         depth=_absolute(inputs.depth),
         resume=inputs.resume,
+        offline=not bpy.app.online_access,
     )
     request.check()
     return request

@@ -25,6 +25,7 @@ class SolveRequest:
         every: use every Nth frame.
         depth: disparity network, or a folder with one in several sizes.
         resume: go on from what an earlier run has kept.
+        offline: let the solver fetch nothing, not even its networks the first time.
     """
 
     video: Path
@@ -39,6 +40,7 @@ class SolveRequest:
     every: int = 1
     depth: str = ""
     resume: bool = False
+    offline: bool = False
 
     @property
     def take(self) -> Path:
@@ -84,4 +86,5 @@ class SolveRequest:
             *("--preset", self.preset, "--every", str(self.every)),
             *(word for option, value in choices.items() if value for word in (option, value)),
             *(["--resume"] if self.resume else []),
+            *(["--offline"] if self.offline else []),
         ]

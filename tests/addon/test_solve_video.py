@@ -100,12 +100,12 @@ def test_the_words_are_the_command_lines(addon: Any, tmp_path: Path) -> None:
     assert [options.camera, options.fov_degrees, options.people, options.start_s, options.end_s] == [None] * 5
     full = request(
         tmp_path / "a.mp4", output=tmp_path / "b.npz", preset="exact", camera="C.qca.txt", camera_name="cam01",
-        people=2, start_s=0.5, end_s=2.25, every=3, depth="net.onnx", resume=True,
+        people=2, start_s=0.5, end_s=2.25, every=3, depth="net.onnx", resume=True, offline=True,
     )  # fmt: skip
     options = _parser().parse_args(full.words())
     assert (options.output, options.preset, options.camera) == (tmp_path / "b.npz", "exact", "C.qca.txt:cam01")
     assert (options.people, options.start_s, options.end_s, options.every) == (2, 0.5, 2.25, 3)
-    assert (options.depth, options.resume) == (Path("net.onnx"), True)
+    assert (options.depth, options.resume, options.offline) == (Path("net.onnx"), True, True)
     assert _parser().parse_args(request(tmp_path / "a.mp4", fov_degrees=62.5).words()).fov_degrees == 62.5
 
 
@@ -269,6 +269,23 @@ def test_a_failing_solve_changes_nothing(
         bpy.ops.scene_aware_mocap.solve_video(video=str(stage.video))
     assert not bpy.data.armatures
     assert not stage.take.exists()
+
+
+@pytest.mark.parametrize("allowed", [False, True])
+def test_nothing_is_fetched_unless_blender_may(
+    allowed: bool, bpy: Any, stage: SimpleNamespace, preferences: Any
+) -> None:
+    system = bpy.context.preferences.system
+    before, system.use_online_access = system.use_online_access, allowed
+    bpy.ops.scene_aware_mocap.solve_video(video=str(stage.video), import_result=False)
+    asked = bpy.data.texts["Solve Log"].lines[0].body
+    system.use_online_access = before
+    assert ("--offline" in asked) == (not allowed)
+
+
+def test_without_a_video_it_says_so(bpy: Any, preferences: Any) -> None:
+    with pytest.raises(RuntimeError, match="no video is chosen"):
+        bpy.ops.scene_aware_mocap.solve_video()
 
 
 def test_without_a_chosen_python_it_says_where_to_choose_it(bpy: Any, stage: SimpleNamespace) -> None:
