@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .actor import Actor
-from .segments import Segment, closest_between, ends, segments
+from .segments import Segment, box_gap, closest_between, ends, segments
 from .skeleton import Motion
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ def find_overlaps(actors: Sequence[Actor], motions: Sequence[Motion]) -> tuple[O
         motions: of the rigs.
     """
     found = []
-    for first, second in combinations(range(len(actors)), 2):
+    for first, second in _near_pairs(actors, motions, of_rigs=True):
         for one, two in product(_parts(actors[first]), _parts(actors[second])):
             overlap = _overlap((first, *one), (second, *two), actors, motions)
             if overlap is not None:
@@ -59,12 +59,24 @@ def depth_between(actors: Sequence[Actor], motions: Sequence[Motion], *, of_rigs
         of_rigs: whether the motions are the rigs'.
     """
     deepest = np.zeros(len(motions[0].times))
-    for first, second in combinations(range(len(actors)), 2):
+    for first, second in _near_pairs(actors, motions, of_rigs=of_rigs):
         bodies = [_body(actors[who], of_rigs=of_rigs) for who in (first, second)]
         for one, two in product(*bodies):
             depth, *_ = _depth((motions[first], one), (motions[second], two))
             deepest = np.maximum(deepest, depth)
     return deepest
+
+
+def _near_pairs(actors: Sequence[Actor], motions: Sequence[Motion], *, of_rigs: bool) -> list[tuple[int, int]]:
+    """Characters whose bodies are so near to each other in any frame that they may meet."""
+    bodies = [_body(actor, of_rigs=of_rigs) for actor in actors]
+    places = [
+        np.stack([end for part in body for end in ends(motion, part)], axis=1)
+        for body, motion in zip(bodies, motions, strict=True)
+    ]
+    thick = [max(part.radius for part in body) for body in bodies]
+    pairs = combinations(range(len(actors)), 2)
+    return [(a, b) for a, b in pairs if box_gap(places[a], places[b]).min() < thick[a] + thick[b]]
 
 
 def _body(actor: Actor, *, of_rigs: bool) -> tuple[Segment, ...]:

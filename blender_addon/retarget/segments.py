@@ -102,3 +102,12 @@ def closest_between(start: Array, end: Array, other_start: Array, other_end: Arr
     t = closest_on_line(other_start, other_end, start + s[:, None] * u)
     s = closest_on_line(start, end, other_start + t[:, None] * v)
     return s, closest_on_line(other_start, other_end, start + s[:, None] * u)
+
+
+def box_gap(first: Array, second: Array) -> Array:
+    """(T,) metres along an axis between the boxes around two sets of points (T, N, 3); not positive where they meet.
+
+    Quick to find, it spares the closer look at what is far apart.
+    """
+    lower = np.maximum(first.min(axis=1) - second.max(axis=1), second.min(axis=1) - first.max(axis=1))
+    return lower.max(axis=-1)

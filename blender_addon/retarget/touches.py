@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .actor import Actor
 from .ground import Ground
 from .landmarks import palms
-from .segments import Segment, closest_on_line, ends, segments
+from .segments import Segment, box_gap, closest_on_line, ends, segments
 
 Array = NDArray[np.float64]
 
@@ -21,6 +21,7 @@ _PALMS = (0.10, 0.15)
 # A palm rests on somebody's skin, or on the scene, from this distance of the surface on; metres.
 _SKIN = (0.04, 0.07)
 _SCENE = (0.05, 0.08)
+_THICK = 0.5  # metres from a body's bones to its skin, at most
 _STILL = 0.15  # metres per second: a hand that leans on something
 _RAMP = 0.3  # seconds in which a hand is drawn to what it will touch, and let go
 _SHORTEST, _GAP = 0.05, 0.1  # seconds
@@ -140,6 +141,8 @@ def _of_bodies(
 ) -> list[Touch | None]:
     """The palm on another's body: on each part while it is the nearest one."""
     place, actor = places[hand[0]][hand[1]], actors[other]
+    if box_gap(place[:, None], actor.motion.heads).min() > _THICK:
+        return []
     parts = segments(actor.source, actor.source_map)
     measured = [_to_segment(place, actor, part) for part in parts]
     gaps = np.stack([gap for _, _, gap in measured])
