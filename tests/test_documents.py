@@ -1,41 +1,32 @@
-"""The commands that README and docs tell users to type are commands of this program."""
+"""The pages: links lead somewhere, and pictures are small."""
 
-import importlib.util
 import re
-import shlex
 from pathlib import Path
 
 import pytest
 
-from core_solver import cli
-
 ROOT = Path(__file__).resolve().parents[1]
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-PROGRAM = "scene-aware-mocap"
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+LARGEST = 200_000  # bytes of a picture
+LINK = re.compile(r"\]\((?!https?://|#)([^)#]+)")
 
 
-def blocks(text: str) -> list[str]:
-    return re.findall(r"^```\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+def links(page: Path) -> list[Path]:
+    return [page.parent / target for target in LINK.findall(page.read_text(encoding="utf-8"))]
 
 
-def commands(text: str, program: str) -> list[list[str]]:
-    """The arguments of each call of a program in the blocks of a document."""
-    lines = [line for block in blocks(text) for line in block.splitlines() if line.startswith(f"{program} ")]
-    return [shlex.split(line.removeprefix(program), comments=True) for line in lines]
+def test_there_are_links() -> None:
+    assert len(PAGES) > 10
+    assert sum(len(links(page)) for page in PAGES) > 30
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_every_command_can_be_typed(document: Path) -> None:
-    text = document.read_text(encoding="utf-8")
-    for arguments in commands(text, PROGRAM):
-        assert cli._parser().parse_args(arguments).command == arguments[0]
-    for module, *_ in commands(text, "python -m"):
-        assert importlib.util.find_spec(module) is not None, module
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_to_files(page: Path) -> None:
+    assert not [str(target) for target in links(page) if not target.exists()]
 
 
-def test_quoted_figures_have_their_commands() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    section = text[text.index("## How well it works") : text.index("## How to judge it yourself")]
-    measured = {tuple(arguments[:2]) for arguments in commands(section, PROGRAM)}
-    assert measured >= {("solve", "cam01.mp4"), ("evaluate", "multiview"), ("evaluate", "people")}
-    assert [module for module, *_ in commands(section, "python -m")] == ["core_solver.evaluation.perception_speed"]
+def test_pictures_are_small_and_used() -> None:
+    shown = {target.resolve() for page in PAGES for target in links(page)}
+    pictures = sorted((ROOT / "docs" / "images").iterdir())
+    assert not {picture.name for picture in pictures if picture.stat().st_size > LARGEST}
+    assert not {picture.name for picture in pictures if picture not in shown}
