@@ -8,7 +8,7 @@ ones. The spine's bones share one turn. Knees and elbows are hinges. Feet keep t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,12 @@ class Joint:
     def size(self) -> int:
         return 3 if self.hinge is None else 1
 
+    def at(self, frames: NDArray[np.int64]) -> "Joint":
+        """The joint in some of its frames."""
+        if self.hinge is None or self.least is None or self.most is None:
+            return self
+        return replace(self, hinge=self.hinge[frames], least=self.least[frames], most=self.most[frames])
+
 
 @dataclass(frozen=True)
 class Body:
@@ -87,6 +93,11 @@ class Body:
         """Number of changes in a frame."""
         return len(self.stiffness)
 
+    def at(self, frames: NDArray[np.int64]) -> "Body":
+        """The body in some of its frames."""
+        joints = tuple(joint.at(frames) for joint in self.joints)
+        return replace(self, style=self.style.at(frames), seat=self.seat[frames], joints=joints)
+
 
 @dataclass(frozen=True)
 class Goal:
@@ -105,6 +116,11 @@ class Goal:
     target: Array
     weight: Array
     direction: Array | None = None
+
+    def at(self, frames: NDArray[np.int64]) -> "Goal":
+        """The goal in some of its frames."""
+        direction = None if self.direction is None else self.direction[frames]
+        return Goal(self.points, self.shares[:, frames], self.target[frames], self.weight[frames], direction)
 
 
 def body_of(skeleton: Skeleton, bone_map: BoneMap, style: Motion) -> Body:

@@ -78,8 +78,8 @@ def refine(
     if not len(busy):
         return tuple(motions)
     scene = _Scene(
-        tuple(replace(actor, motion=_at(actor.motion, busy), contacts=actor.contacts[busy]) for actor in actors),
-        tuple(body_of(a.target, a.target_map, _at(m, busy)) for a, m in zip(actors, motions, strict=True)),
+        tuple(replace(actor, motion=actor.motion.at(busy), contacts=actor.contacts[busy]) for actor in actors),
+        tuple(body_of(a.target, a.target_map, m.at(busy)) for a, m in zip(actors, motions, strict=True)),
         tuple(palms(actor.target, actor.target_map) for actor in actors),
         tuple(_touch_at(touch, busy) for touch in touches),
         ground,
@@ -105,11 +105,24 @@ def _round(scene: _Scene, changes: list[Array], priors: list[Array]) -> list[Arr
         _add_overlap(overlap, motions, goals)
     for who, motion in enumerate(motions):
         goals[who] += _above_ground(scene, who, motion)
-    better = []
-    for body, change, prior, wanted in zip(scene.bodies, changes, priors, goals, strict=True):
-        for _ in range(_STEPS):
-            change = improve(body, change, prior, wanted)  # noqa: PLW2901 - a step goes on from the step before
-        better.append(change)
+    return [
+        _improved(body, change, prior, wanted)
+        for body, change, prior, wanted in zip(scene.bodies, changes, priors, goals, strict=True)
+    ]
+
+
+def _improved(body: Body, changes: Array, prior: Array, goals: list[Goal]) -> Array:
+    """Some steps further, in the frames in which this body has anything to do besides standing as it stands."""
+    own = (changes != 0).any(axis=1) | (prior != 0).any(axis=1)
+    for goal in goals[len(SIDES) :]:
+        own |= goal.weight > 0
+    frames = np.flatnonzero(own)
+    if not len(frames):
+        return changes
+    part, wanted = body.at(frames), [goal.at(frames) for goal in goals]
+    better = changes.copy()
+    for _ in range(_STEPS):
+        better[frames] = improve(part, better[frames], prior[frames], wanted)
     return better
 
 
@@ -228,10 +241,6 @@ def _smooth(changes: Array, busy: NDArray[np.int64], times: Array) -> Array:
 
 def _step(times: Array) -> float:
     return float(np.median(np.diff(times))) if len(times) > 1 else 1.0
-
-
-def _at(motion: Motion, frames: NDArray[np.int64]) -> Motion:
-    return Motion(motion.times[frames], motion.rotations[frames], motion.heads[frames])
 
 
 def _touch_at(touch: Touch, frames: NDArray[np.int64]) -> Touch:

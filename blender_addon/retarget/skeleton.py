@@ -76,6 +76,10 @@ class Motion:
     rotations: Array
     heads: Array
 
+    def at(self, frames: NDArray[np.int64]) -> "Motion":
+        """The motion in some of its frames."""
+        return Motion(self.times[frames], self.rotations[frames], self.heads[frames])
+
 
 @dataclass(frozen=True)
 class Channels:
