@@ -225,3 +225,19 @@ def test_bones_that_leave_what_they_touch_at_rest(bpy: Any, tmp_path: Path) -> N
     rig.pose.bones["arm"].location = (0, 3, 0)
     run(bpy, tmp_path / "out", engine="unity")
     assert [row.text for row in bpy.context.scene.mocap_export.checks if not row.passed] == []
+
+
+def test_a_folder_that_must_not_be_written_to_is_named(
+    scene: Any, bpy: Any, addon: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As root every folder may be written to: the system's refusal is played."""
+
+    def refuse(**_: Any) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(addon("export.exporting").tempfile, "TemporaryDirectory", refuse)
+    before = data_counts(bpy)
+    with pytest.raises(RuntimeError, match="cannot write to .*out: Permission denied; .* choose another place"):
+        bpy.ops.scene_aware_mocap.export(directory=str(tmp_path / "new" / "out"))
+    assert data_counts(bpy) == before
+    assert not (tmp_path / "new").exists()
