@@ -237,7 +237,7 @@ def test_a_folder_that_must_not_be_written_to_is_named(
 
     monkeypatch.setattr(addon("export.exporting").tempfile, "TemporaryDirectory", refuse)
     before = data_counts(bpy)
-    with pytest.raises(RuntimeError, match="cannot write to .*out: Permission denied; .* choose another place"):
+    with pytest.raises(RuntimeError, match=r"cannot write to .*out: Permission denied; .* choose another place"):
         bpy.ops.scene_aware_mocap.export(directory=str(tmp_path / "new" / "out"))
     assert data_counts(bpy) == before
     assert not (tmp_path / "new").exists()
