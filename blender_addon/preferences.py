@@ -30,7 +30,7 @@ class MocapPreferences(bpy.types.AddonPreferences):
     solver_found: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})
     export_directory: bpy.props.StringProperty(
         name="Export Folder",
-        description="Where exports go when nothing else is chosen; empty for the folder of the .blend file",
+        description="Where exports go when no other folder is chosen; empty to be asked",
         subtype="DIR_PATH",
     )
 

@@ -12,6 +12,7 @@ from core_solver.errors import UserError
 
 from ..export.exporting import export_characters
 from ..export.performance import Character, ExportError, characters_among
+from ..preferences import preferences_of
 from ..settings.export import TAKES_RELATIVE, ExportInputs, profile_of, show_checks, summary
 
 rpt_ = bpy.app.translations.pgettext_rpt
@@ -39,7 +40,7 @@ class Export(ExportInputs, bpy.types.Operator):
     )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        if self.directory:
+        if self.directory or preferences_of(context).export_directory:
             return self.execute(context)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
@@ -48,7 +49,7 @@ class Export(ExportInputs, bpy.types.Operator):
         camera = context.scene.camera if self.camera else None
         try:
             done = export_characters(
-                context, self._chosen(context), profile_of(self), self._folder(), self.file_name, camera
+                context, self._chosen(context), profile_of(self), self._folder(context), self.file_name, camera
             )
         except UserError as error:
             self.report({"ERROR"}, str(error))
@@ -75,9 +76,10 @@ class Export(ExportInputs, bpy.types.Operator):
         moving = [obj for obj in context.view_layer.objects if obj.type == "ARMATURE" and obj.animation_data]
         return characters_among(context, selected) or characters_among(context, moving)
 
-    def _folder(self) -> Path:
-        if not self.directory:
+    def _folder(self, context: bpy.types.Context) -> Path:
+        folder = self.directory or preferences_of(context).export_directory
+        if not folder:
             raise ExportError("no folder to export to: choose one")
-        if self.directory.startswith("//") and not bpy.data.filepath:
+        if folder.startswith("//") and not bpy.data.filepath:
             raise ExportError("this Blender file has no folder yet: save it first, or choose another folder")
-        return Path(bpy.path.abspath(self.directory))
+        return Path(bpy.path.abspath(folder))
