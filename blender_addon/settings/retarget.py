@@ -107,7 +107,7 @@ def show_measures(settings: Any, people: Measures, rigs: Measures) -> None:
 _ROWS = (
     (n_("Feet slide by"), "mm", 1, "skate_mm"),
     (n_("Feet sink by"), "mm", 1, "penetration_mm"),
-    (n_("Feet where they stood"), "%", 0, "contact_recall"),
+    (n_("Feet in place"), "%", 0, "contact_recall"),
     (n_("Distances are off by"), "mm", 0, "spacing_mm"),
     (n_("Hands miss by"), "mm", 0, "touch_mm"),
     (n_("Bodies overlap by"), "mm", 0, "overlap_mm"),
