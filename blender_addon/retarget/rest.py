@@ -28,6 +28,7 @@ _BELOW = 0.5  # cosine of the angle between a leg that is stood on and the verti
 _LEVEL = 1e-6  # cosine of what is at right angles
 # The limb that the bone of a limb points to. The hand goes on from the forearm and the toes from the foot.
 _POINTS_TO = {"upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
+_FRAMED = ("upper_arm", "forearm", "hand", "thigh", "shin", "foot", "toe")
 _GOES_ON = {"hand": "forearm", "toe": "foot"}
 
 
@@ -56,18 +57,19 @@ def stands(skeleton: Skeleton, bone_map: BoneMap) -> bool:
 
 
 def rest_frames(skeleton: Skeleton, bone_map: BoneMap) -> Array:
-    """(B, 3, 3) the frames of all parts of a body at rest, world; bones without a role have the body's.
+    """(B, 3, 3) the frames of all parts of a body at rest, world; bones without a role have that of what they hang on.
 
     Raises:
         ValueError: the map has no hips, head, thighs, or a limb without its next joint.
     """
     body = body_frame(skeleton, bone_map)
     frames = np.tile(body, (len(skeleton.names), 1, 1))
-    for side in SIDES:
-        for limb in ("upper_arm", "forearm", "hand", "thigh", "shin", "foot", "toe"):
-            bone = bone_map.bone(f"{side}_{limb}")
-            if bone is not None:
-                frames[skeleton.index(bone)] = _limb_frame(skeleton, bone_map, side, limb, body)
+    for bone, (name, parent) in enumerate(zip(skeleton.names, skeleton.parents, strict=True)):
+        side, _, limb = (bone_map.role_of(name) or "").partition("_")
+        if side in SIDES and limb in _FRAMED:
+            frames[bone] = _limb_frame(skeleton, bone_map, side, limb, body)
+        elif not side and parent >= 0:
+            frames[bone] = frames[parent]
     return frames
 
 

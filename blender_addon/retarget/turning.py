@@ -29,7 +29,8 @@ def turns_of(skeleton: Skeleton, bone_map: BoneMap, motion: Motion) -> Array:
 def shown_turns(source: Skeleton, source_map: BoneMap, turns: Array, target: Skeleton, target_map: BoneMap) -> Array:
     """(T, B, 3, 3) the axes in the world of a rig's bones that turn as a person does.
 
-    Bones without a role keep their rest pose on their parent; those above the hips stay at rest.
+    Bones without a role keep their rest pose on their parent, or turn on it as the person's bone of the same name does:
+    fingers of rigs of one kind. Those above the hips stay at rest.
 
     Args:
         source: the person.
@@ -38,13 +39,31 @@ def shown_turns(source: Skeleton, source_map: BoneMap, turns: Array, target: Ske
         target: the rig.
         target_map: its roles.
     """
-    to_axes = np.swapaxes(rest_frames(target, target_map), -1, -2) @ target.axes
+    frames = rest_frames(target, target_map)
+    to_axes = np.swapaxes(frames, -1, -2) @ target.axes
     wanted = _wanted_turns(source, source_map, turns, target, target_map)
     rotations = np.empty((len(turns), len(target.names), 3, 3))
-    for bone in range(len(target.names)):
-        turn = wanted.get(bone)
-        rotations[:, bone] = carried_axes(target, rotations, bone) if turn is None else turn @ to_axes[bone]
+    for bone, parent in enumerate(target.parents):
+        namesake = _namesake(source, source_map, target, target_map, bone)
+        if bone in wanted:
+            rotations[:, bone] = wanted[bone] @ to_axes[bone]
+        elif namesake is not None:
+            on_parent = np.swapaxes(turns[:, source.parents[namesake]], -1, -2) @ turns[:, namesake]
+            parents_turn = rotations[:, parent] @ (target.axes[parent].T @ frames[parent])
+            rotations[:, bone] = parents_turn @ on_parent @ to_axes[bone]
+        else:
+            rotations[:, bone] = carried_axes(target, rotations, bone)
     return rotations
+
+
+def _namesake(source: Skeleton, source_map: BoneMap, target: Skeleton, target_map: BoneMap, bone: int) -> int | None:
+    """The person's bone that is called as one of the rig's, where neither has a role and they hang on the same."""
+    name, parent = target.names[bone], target.parents[bone]
+    if parent < 0 or name not in source.names or target_map.role_of(name) or source_map.role_of(name):
+        return None
+    found = source.index(name)
+    above = source.parents[found]
+    return found if above >= 0 and source.names[above] == target.names[parent] else None
 
 
 def _wanted_turns(

@@ -6,7 +6,7 @@ tried out, on a copy: each control is moved once, and what moves along with it h
 kinds of controls are keyed with the motion.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,17 +80,19 @@ class Controls:
     tried: bool = False
 
 
-def controls_of(rig: bpy.types.Object, bone_map: BoneMap, drive: Drive) -> Controls:
+def controls_of(rig: bpy.types.Object, bone_map: BoneMap, drive: Drive, also: Collection[str] = ()) -> Controls:
     """What is keyed on a rig to move the bones of a map; the rig itself is not touched.
 
     Args:
         rig: an armature object.
         bone_map: its roles.
         drive: which controls are keyed where there are several kinds.
+        also: further bones that are keyed if the rig has them, unless constraints rule it.
     """
     skeleton = read_skeleton(rig)
     # The pose of bones without a role moves those below them: they are keyed too, at rest.
     wanted = {skeleton.index(name) for _, name in bone_map.bones}
+    wanted |= {bone for bone, name in enumerate(skeleton.names) if name in also}
     for bone in range(len(skeleton.names) - 1, -1, -1):
         if bone in wanted and skeleton.parents[bone] >= 0:
             wanted.add(skeleton.parents[bone])

@@ -91,7 +91,7 @@ def retarget(roles: Sequence[Role], options: Options, progress: Callable[[float]
         UserError: it cannot be done; says why. Nothing has changed then.
     """
     _check(roles)
-    controls = [controls_of(role.rig, role.rig_map, options.drive) for role in roles]
+    controls = [controls_of(role.rig, role.rig_map, options.drive, role.person.data.bones.keys()) for role in roles]
     for role, handles in zip(roles, controls, strict=True):
         if not role.copied:
             check_writable(role.rig, handles.keyed)

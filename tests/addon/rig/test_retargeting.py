@@ -273,3 +273,13 @@ def test_copies_of_people_who_come_later_are_hidden_until_then(bpy: Any, addon: 
             hidden.append((body.hide_render, skin.hide_render, copy["contact_left"] == person["contact_left"]))
         assert {pair[0] for pair in hidden} == {True, False}
         assert all(pair[0] == pair[1] and pair[2] for pair in hidden)
+
+
+def test_onto_a_copy_of_the_person_nothing_changes(bpy: Any, people: list[Any]) -> None:
+    """The bones beyond the wrists too, which have no role but the same name."""
+    person = people[0]
+    assert retarget(bpy, cast=[{"name": person.name, "rig": ""}], rig=person.name, refine=True) == {"FINISHED"}
+    copy = bpy.data.objects[f"{person.name} {person.name}"]
+    names = [bone.name for bone in person.data.bones]
+    for theirs, ours in zip(*(evaluated(bpy, obj, names, FRAMES) for obj in (person, copy)), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-4)
