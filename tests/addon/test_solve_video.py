@@ -244,6 +244,40 @@ def test_a_failure_is_told_in_the_solvers_words(
         process.check()
 
 
+# --- beside a window ---
+
+
+def test_one_solve_at_a_time_and_none_stays_behind(
+    addon: Any, stage: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PART", "hangs")
+    watch, request = addon("solving.watch"), addon("solving.request").SolveRequest(stage.video)
+    watch.begin(stage.python, request, import_result=True)
+    process = watch.current().process
+    with pytest.raises(UserError, match="a video is being solved already"):
+        watch.begin(stage.python, request, import_result=True)
+    run_until(process, lambda: any(line.startswith("child ") for line in process.lines))
+    watch.stop()  # what switching the extension off and closing Blender do
+    assert watch.current() is None
+    assert not process.poll()
+    child = int(next(line for line in process.lines if line.startswith("child ")).split()[1])
+    assert not is_alive(child)
+    assert not stage.take.exists()
+    watch.stop()
+
+
+def test_another_file_does_not_get_the_people(
+    bpy: Any, addon: Any, stage: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PART", "hangs")
+    watch, request = addon("solving.watch"), addon("solving.request").SolveRequest(stage.video)
+    watch.begin(stage.python, request, import_result=True)
+    assert watch.current().same_file
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert not watch.current().same_file
+    watch.stop()
+
+
 # --- the operator ---
 
 
