@@ -73,7 +73,7 @@ def _draw_more(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) ->
     header, body = layout.panel("scene_aware_mocap_solve_more", default_closed=True)
     header.label(text="More")
     if body is not None:
-        for name in ("start_s", "end_s", "every", "depth", "resume"):
+        for name in ("start_s", "end_s", "every", "rotate", "depth", "device", "resume"):
             body.prop(settings, name)
 
 

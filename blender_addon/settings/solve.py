@@ -18,6 +18,17 @@ _PRESETS = (
     ("exact", "Exact", "Every pixel counts from the beginning, with more iterations: takes about twice as long"),
     ("paper", "As Published", "The method as it was published, for comparison: takes about ten times as long"),
 )
+_TURNS = (
+    ("0", "As It Is", "The video stands upright"),
+    ("90", "90 Degrees", "Turn it clockwise by a quarter"),
+    ("180", "180 Degrees", "Turn it upside down"),
+    ("270", "270 Degrees", "Turn it anticlockwise by a quarter"),
+)
+_DEVICES = (
+    ("auto", "Automatic", "An NVIDIA card if the solver's Python can use one"),
+    ("cpu", "Processor", "The processor alone"),
+    ("cuda", "NVIDIA Card", "An NVIDIA card, or an error"),
+)
 
 
 class SolveInputs:
@@ -65,6 +76,12 @@ class SolveInputs:
         "Without one the scene is a plane through people's feet",
         subtype="FILE_PATH",
     )
+    rotate: bpy.props.EnumProperty(
+        name="Rotate",
+        description="For a video that lies on its side: turns the picture before it is solved",
+        items=_TURNS,
+    )
+    device: bpy.props.EnumProperty(name="Device", description="What computes", items=_DEVICES)
     resume: bpy.props.BoolProperty(
         name="Resume",
         description="Go on from what an earlier solve of this video has kept beside the take; "
@@ -99,6 +116,8 @@ def request_of(inputs: Any) -> SolveRequest:
         end_s=inputs.end_s,
         every=inputs.every,
         depth=_absolute(inputs.depth),
+        rotate=int(inputs.rotate),
+        device=inputs.device,
         resume=inputs.resume,
         offline=not bpy.app.online_access,
     )

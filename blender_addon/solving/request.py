@@ -24,6 +24,8 @@ class SolveRequest:
         end_s: second to stop at.
         every: use every Nth frame.
         depth: disparity network, or a folder with one in several sizes.
+        rotate: degrees by which the picture is turned clockwise.
+        device: what computes: "auto", "cpu" or "cuda".
         resume: go on from what an earlier run has kept.
         offline: let the solver fetch nothing, not even its networks the first time.
     """
@@ -39,6 +41,8 @@ class SolveRequest:
     end_s: float = 0.0
     every: int = 1
     depth: str = ""
+    rotate: int = 0
+    device: str = "auto"
     resume: bool = False
     offline: bool = False
 
@@ -80,10 +84,11 @@ class SolveRequest:
             "--start": f"{self.start_s:g}" if self.start_s else "",
             "--end": f"{self.end_s:g}" if self.end_s else "",
             "--depth": self.depth,
+            "--rotate": str(self.rotate) if self.rotate else "",
         }
         return [
             *("solve", str(self.video), "--output", str(self.take), "--progress", "json"),
-            *("--preset", self.preset, "--every", str(self.every)),
+            *("--preset", self.preset, "--every", str(self.every), "--device", self.device),
             *(word for option, value in choices.items() if value for word in (option, value)),
             *(["--resume"] if self.resume else []),
             *(["--offline"] if self.offline else []),

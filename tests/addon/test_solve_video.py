@@ -97,14 +97,17 @@ def test_the_words_are_the_command_lines(addon: Any, tmp_path: Path) -> None:
     options = _parser().parse_args(plain.words())
     assert (options.video, options.output) == (tmp_path / "a clip.mp4", tmp_path / "a clip.npz")
     assert (options.preset, options.progress, options.every) == ("fast", "json", 1)
+    assert (options.rotate, options.device) == (0, "auto")
     assert [options.camera, options.fov_degrees, options.people, options.start_s, options.end_s] == [None] * 5
     full = request(
         tmp_path / "a.mp4", output=tmp_path / "b.npz", preset="exact", camera="C.qca.txt", camera_name="cam01",
-        people=2, start_s=0.5, end_s=2.25, every=3, depth="net.onnx", resume=True, offline=True,
+        people=2, start_s=0.5, end_s=2.25, every=3, depth="net.onnx", rotate=90, device="cpu",
+        resume=True, offline=True,
     )  # fmt: skip
     options = _parser().parse_args(full.words())
     assert (options.output, options.preset, options.camera) == (tmp_path / "b.npz", "exact", "C.qca.txt:cam01")
     assert (options.people, options.start_s, options.end_s, options.every) == (2, 0.5, 2.25, 3)
+    assert (options.rotate, options.device) == (90, "cpu")
     assert (options.depth, options.resume, options.offline) == (Path("net.onnx"), True, True)
     assert _parser().parse_args(request(tmp_path / "a.mp4", fov_degrees=62.5).words()).fov_degrees == 62.5
 
