@@ -45,5 +45,5 @@ def _points(cloud: Any) -> Array:
     count = len(cloud.data.vertices)
     local = np.empty(3 * count, np.float32)
     cloud.data.vertices.foreach_get("co", local)
-    matrix = np.array(cloud.matrix_world, float)
-    return local.reshape(-1, 3).astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
+    matrix = np.array(cloud.matrix_world, np.float64)
+    return local.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
