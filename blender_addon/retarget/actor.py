@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One character of a scene that is to be retargeted."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ class Actor:
         contacts: (T, 2) probability that the left and the right foot stand on something.
         target: skeleton of the rig.
         target_map: its roles.
+        present: (T,) whether the person is there: before coming and after leaving somebody stands still, through whom
+            others may walk. None for somebody who is always there.
     """
 
     name: str
@@ -33,3 +35,14 @@ class Actor:
     contacts: Array
     target: Skeleton
     target_map: BoneMap
+    present: NDArray[np.bool_] | None = None
+
+    @property
+    def there(self) -> NDArray[np.bool_]:
+        """(T,) `present`, of everybody."""
+        return np.ones(len(self.motion.times), bool) if self.present is None else self.present
+
+    def at(self, frames: NDArray[np.int64]) -> "Actor":
+        """The actor in some of the frames."""
+        motion, contacts = self.motion.at(frames), self.contacts[frames]
+        return replace(self, motion=motion, contacts=contacts, present=self.there[frames])

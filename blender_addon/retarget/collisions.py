@@ -61,9 +61,10 @@ def depth_between(actors: Sequence[Actor], motions: Sequence[Motion], *, of_rigs
     deepest = np.zeros(len(motions[0].times))
     for first, second in _near_pairs(actors, motions, of_rigs=of_rigs):
         bodies = [_body(actors[who], of_rigs=of_rigs) for who in (first, second)]
+        both = actors[first].there & actors[second].there
         for one, two in product(*bodies):
             depth, *_ = _depth((motions[first], one), (motions[second], two))
-            deepest = np.maximum(deepest, depth)
+            deepest = np.maximum(deepest, np.where(both, depth, 0.0))
     return deepest
 
 
@@ -99,7 +100,8 @@ def _overlap(
     if not (depth > 0).any():
         return None
     before, *_ = _depth((actors[who].motion, part), (actors[other].motion, other_part))
-    excess = np.maximum(depth - np.maximum(before, 0.0), 0.0)
+    both = actors[who].there & actors[other].there
+    excess = np.where(both, np.maximum(depth - np.maximum(before, 0.0), 0.0), 0.0)
     if not (excess > 0).any():
         return None
     return Overlap((who, rig_part), (other, other_rig_part), s, t, normal, excess)

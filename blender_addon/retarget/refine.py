@@ -78,7 +78,7 @@ def refine(
     if not len(busy):
         return tuple(motions)
     scene = _Scene(
-        tuple(replace(actor, motion=actor.motion.at(busy), contacts=actor.contacts[busy]) for actor in actors),
+        tuple(actor.at(busy) for actor in actors),
         tuple(body_of(a.target, a.target_map, m.at(busy)) for a, m in zip(actors, motions, strict=True)),
         tuple(palms(actor.target, actor.target_map) for actor in actors),
         tuple(_touch_at(touch, busy) for touch in touches),

@@ -117,7 +117,9 @@ def _of_palms(
     actors: Sequence[Actor], places: list[list[Array]], first: tuple[int, int], second: tuple[int, int]
 ) -> Touch | None:
     offset = places[first[0]][first[1]] - places[second[0]][second[1]]
-    strength = strength_of(np.linalg.norm(offset, axis=-1), actors[first[0]].motion.times, *_PALMS)
+    both = actors[first[0]].there & actors[second[0]].there
+    distance = np.where(both, np.linalg.norm(offset, axis=-1), np.inf)
+    strength = strength_of(distance, actors[first[0]].motion.times, *_PALMS)
     if strength is None:
         return None
     return Touch(*first, *second, "", np.zeros(len(offset)), offset, strength)
@@ -129,7 +131,8 @@ def _of_scene(
     place, times = places[hand[0]][hand[1]], actors[hand[0]].motion.times
     moving = np.linalg.norm(np.gradient(place, times, axis=0), axis=-1) if len(times) > 1 else np.zeros(len(place))
     gap = np.full(len(place), np.inf)
-    gap[moving < _STILL] = ground.distance(place[moving < _STILL])
+    still = (moving < _STILL) & actors[hand[0]].there
+    gap[still] = ground.distance(place[still])
     strength = strength_of(gap, times, *_SCENE)
     if strength is None:
         return None
@@ -148,7 +151,7 @@ def _of_bodies(
     gaps = np.stack([gap for _, _, gap in measured])
     nearest = gaps.argmin(axis=0)
     # Where two hands meet, the hands say it better than the forearm behind one of them.
-    gaps[:, _near_a_palm(places[other], place)] = np.inf
+    gaps[:, _near_a_palm(places[other], place) | ~(actors[hand[0]].there & actor.there)] = np.inf
     found: list[Touch | None] = []
     for index, (part, (along, offset, _)) in enumerate(zip(parts, measured, strict=True)):
         strength = strength_of(np.where(nearest == index, gaps[index], np.inf), actor.motion.times, *_SKIN)

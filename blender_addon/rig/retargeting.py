@@ -148,13 +148,14 @@ def _check(roles: Sequence[Role]) -> None:
 def _actor(role: Role, controls: Controls, frames: Array, notes: list[str]) -> Actor:
     person = read_skeleton(role.person)
     motion = read_motion(role.person, person, frames)
-    contacts = read_evidence(role.person, frames).contacts
+    evidence = read_evidence(role.person, frames)
+    contacts = evidence.contacts
     if not says_contacts(role.person):
         contacts = detect_contacts(person, role.person_map, motion)
         notes.append(f"'{role.person.name}' does not say when feet stand: taken from how low and slow they are")
     body, body_map = joined(controls.skeleton, role.rig_map)
     notes += _oddities(role.person.name, person, role.person_map) + _oddities(role.rig.name, body, body_map)
-    return Actor(role.person.name, person, role.person_map, motion, contacts, body, body_map)
+    return Actor(role.person.name, person, role.person_map, motion, contacts, body, body_map, evidence.present)
 
 
 def _oddities(name: str, skeleton: Skeleton, bone_map: BoneMap) -> list[str]:

@@ -36,6 +36,15 @@ def test_nothing_changes_where_nobody_touches(addon: Any) -> None:
         np.testing.assert_array_equal(motion.heads, copied(addon, actor).heads)
 
 
+def test_nobody_bends_for_somebody_who_is_not_there(addon: Any) -> None:
+    actors = handshake(addon, (0.7, 1.4))
+    gone = np.arange(FRAMES) < REACHING.start - 20
+    actors[1] = replace(actors[1], present=gone)
+    motions = [copied(addon, actor) for actor in actors]
+    for motion, refined in zip(motions, addon("retarget.refine").refine(actors, motions, flat(addon)), strict=True):
+        np.testing.assert_array_equal(refined.heads, motion.heads)
+
+
 def test_far_from_the_touch_the_pose_is_kept_and_it_comes_and_goes_smoothly(addon: Any) -> None:
     actors, refined = refined_handshake(addon, (0.7, 1.4))
     for actor, motion in zip(actors, refined, strict=True):
