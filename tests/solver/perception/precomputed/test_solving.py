@@ -41,7 +41,7 @@ LABELS = (WIDTH, HEIGHT)
 class EmptyStore:
     """A store that holds no network, on a machine without internet."""
 
-    def __init__(self, _folder: Path | None = None):
+    def __init__(self, _folder: Path | None = None, *, offline: bool = False):
         pass
 
     def path(self, _name: str) -> Path | None:
