@@ -55,11 +55,11 @@ def _walker(number: int, frames: int) -> Any:
 
 
 def _shaking(number: int, frames: int) -> Any:
-    """Pairs who face each other, rigs of 0.7 and 1.4 times their sizes in turns; a last one shakes hands with nobody."""
+    """Pairs who face each other, on rigs 0.7 and 1.4 times as tall in turns; a last one shakes nobody's hand."""
     actor = handshake(addon, (0.7, 1.4))[number % 2]
     there_and_back = np.concatenate([np.arange(FRAMES), np.arange(FRAMES)[::-1]])
     motion = actor.motion.at(np.resize(there_and_back, frames))
-    heads = motion.heads + [0.0, 1.5 * (number // 2), 0.0]
+    heads = motion.heads + np.array([0.0, 1.5 * (number // 2), 0.0])
     moved = addon("retarget.skeleton").Motion(np.arange(frames) / FPS, motion.rotations, heads)
     return replace(actor, name=f"person {number + 1}", motion=moved, contacts=np.ones((frames, 2)))
 
