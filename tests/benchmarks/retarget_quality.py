@@ -2,8 +2,8 @@
 
 Needs a Python with bpy and this project. Without arguments the sample take and the sample rig are used. Each rig plays
 everybody of the take: at its own size, and as 0.7 and 1.4 times as tall as the people, in turns. Angles are between the
-arms and legs of people and rigs, without footprints: for them wide or narrow hips bend the legs. "Before" is how far
-palms that touched are apart without the refinement of the whole scene.
+arms and legs of people and rigs, without footprints and ("planted") with them: for footprints the legs of rigs of other
+proportions have to bend. "Before" is how far palms that touched are apart without the refinement of the whole scene.
 """
 
 import argparse
@@ -24,7 +24,7 @@ LIMBS = {
     for side in ("left", "right")
     for limb, following in (("upper_arm", "forearm"), ("forearm", "hand"), ("thigh", "shin"), ("shin", "foot"))
 }
-COLUMNS = ("limbs °", "skate mm", "sunk mm", "kept %", "spacing mm", "touch mm", "before mm")
+COLUMNS = ("limbs °", "planted °", "skate mm", "sunk mm", "kept %", "spacing mm", "touch mm", "before mm")
 
 
 def main() -> None:
@@ -63,9 +63,10 @@ def measured(take_file: Path, rig_file: Path, sizes: tuple[float, float] | None)
     retarget(roles, Options(feet=False, refine=False), lambda _: None)
     angle = limb_angle(bpy, roles)
     alone = retarget(roles, Options(refine=False), lambda _: None).outcome.rigs
+    planted = limb_angle(bpy, roles)
     rigs_now = retarget(roles, Options(), lambda _: None).outcome.rigs
     cells = [
-        angle, rigs_now.skate_mm, rigs_now.penetration_mm, 100 * rigs_now.contact_recall, rigs_now.spacing_mm,
+        angle, planted, rigs_now.skate_mm, rigs_now.penetration_mm, 100 * rigs_now.contact_recall, rigs_now.spacing_mm,
         rigs_now.touch_mm, alone.touch_mm,
     ]  # fmt: skip
     return maps[0].source, cells
