@@ -59,6 +59,8 @@ def _load_solver() -> None:
 
 
 def _enable_extension() -> None:
+    # Where Blender is a module of Python, it brings addon_utils along.
+    importlib.import_module("bpy")
     import addon_utils
 
     names = [module.__name__ for module in addon_utils.modules()]

@@ -9,7 +9,7 @@ from core_solver.errors import UserError
 
 from .report import TakeReport, write_report
 from .request import Request, parse
-from .running import run, unreadable
+from .running import clash, run, unreadable
 
 DONE, SOME_FAILED, BAD_CALL = 0, 1, 2
 
@@ -27,10 +27,9 @@ def main(words: Sequence[str], program: str = "batch.py") -> int:
         return stop.code if isinstance(stop.code, int) else BAD_CALL
     except UserError as error:
         return _say(program, str(error), BAD_CALL)
-    if request.out is not None:
-        reason = unreadable(request)
-        if reason:
-            return _say(program, reason, BAD_CALL)
+    reason = clash(request) if request.out is None else unreadable(request)
+    if reason:
+        return _say(program, reason, BAD_CALL)
     reports = [_attempt(request, number, program) for number in range(len(request.takes))]
     if request.report is not None:
         try:

@@ -3,7 +3,6 @@
 
 import json
 import math
-import os
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -66,14 +65,11 @@ def write_report(path: Path, takes: Sequence[TakeReport]) -> None:
     """
     document = {"passed": all(take.passed for take in takes), "takes": [_take(take) for take in takes]}
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, part = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            json.dump(document, stream, indent=2, ensure_ascii=False, allow_nan=False)
-        Path(part).replace(path)
-    except BaseException:
-        Path(part).unlink()
-        raise
+    # In a folder of its own the part gets the permissions of any new file, as a single temporary file would not.
+    with tempfile.TemporaryDirectory(prefix=".report-", dir=path.parent) as parts:
+        part = Path(parts) / path.name
+        part.write_text(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False), encoding="utf-8")
+        part.replace(path)
 
 
 def _take(report: TakeReport) -> dict[str, Any]:

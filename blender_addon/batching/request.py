@@ -2,6 +2,8 @@
 """What a command line asks for. Standard library only, but for the presets of bone maps."""
 
 import argparse
+import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +14,9 @@ from ..retarget.presets import built_in_presets
 AUTO = "auto"
 CLEANING = ("gaps", "smooth", "drift", "ground", "footlock")
 """Steps of cleaning in the order in which they do least harm to each other; users may name them in any."""
+
+_HIGHEST_RATE = 1000
+"""Frames per second, as in the sidebar."""
 
 RIG_ENDINGS = (".glb", ".gltf", ".vrm", ".fbx", ".blend")
 
@@ -91,7 +96,7 @@ def _parser(program: str) -> argparse.ArgumentParser:
     parser.add_argument("--out", type=_output, metavar="FILE", help="one .glb or .fbx with all people and the camera")
     parser.add_argument("--engine", choices=profile_ids(), default=GENERIC, help="what the files are for")
     parser.add_argument("--format", choices=("glb", "fbx"), help="another format than the engine's")
-    parser.add_argument("--frame-rate", type=float, metavar="FPS", help="of the files; the take's when left out")
+    parser.add_argument("--frame-rate", type=_frame_rate, metavar="FPS", help="of the files; the take's when left out")
     parser.add_argument("--motion-only", action="store_true", help="no meshes: armatures and motion alone")
     parser.add_argument("--person", default="all", metavar="all|ID", help="names or ids, with commas between")
     parser.add_argument("--clean", type=_cleaning, default=(), metavar="STEPS", help=f"of {','.join(CLEANING)}")
@@ -108,11 +113,22 @@ def _output(word: str) -> Path:
     return Path(word)
 
 
+def _frame_rate(word: str) -> float:
+    try:
+        rate = float(word)
+    except ValueError:
+        rate = math.nan
+    if not 0 < rate <= _HIGHEST_RATE:
+        raise argparse.ArgumentTypeError(f"{word!r} is no frame rate: give one above 0, {_HIGHEST_RATE} at most")
+    return rate
+
+
 def _rig(word: str) -> Path:
     path = Path(word)
     if path.suffix.lower() not in RIG_ENDINGS:
         raise argparse.ArgumentTypeError(f"{word!r} must end in {', '.join(RIG_ENDINGS)}")
-    if not path.is_file():
+    # Unlike pathlib's, this says no where the system keeps the file from us.
+    if not os.path.isfile(path):  # noqa: PTH113
         raise argparse.ArgumentTypeError(f"{word!r} is not there: check the path")
     return path
 

@@ -13,7 +13,7 @@ import bpy
 from core_solver.errors import UserError
 
 from ..clean.foot_lock import BLEND
-from ..export.exporting import Exported, export_characters
+from ..export.exporting import Exported, export_characters, file_name
 from ..export.performance import characters_among
 from ..retarget.bone_map import TAKE_MAP
 from ..retarget.measures import Measures
@@ -95,6 +95,20 @@ def unreadable(request: Request) -> str:
         chosen_people(read_motion_file(request.takes[0]), request.people)
     except UserError as error:
         return str(error)
+    return ""
+
+
+def clash(request: Request) -> str:
+    """Which two takes would be written to the same file in the folder, in one line; empty when none would."""
+    owners: dict[str, Path] = {}
+    for path in request.takes:
+        file = file_name(path.stem, request.profile)
+        # Some systems ignore capitals.
+        other = owners.setdefault(file.casefold(), path)
+        if other is not path:
+            return (
+                f"{other} and {path} would be written to the same files: rename one, or give each call its own --export"
+            )
     return ""
 
 

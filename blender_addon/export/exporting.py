@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Characters and camera to files for an engine: read, staged, written whole or not at all, and read back."""
 
+import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -30,6 +31,9 @@ from .writing import Writer, writer_of
 
 _FORBIDDEN = '<>:"/\\|?*'
 """In the names of files on some system."""
+
+_SYSTEM_ERROR = re.compile(r"\[(?:Errno|WinError) \d+\] ([^:\n]+)")
+"""What the system says about a file, as a traceback ends."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +115,7 @@ def export_characters(
         timing = timing_of(context.scene, profile.frame_rate)
         performances, shot = _read(context, characters, None if profile.one_file_each else camera, timing)
         casts = _casts(performances, profile, name)
+        _refuse_shared_files(casts)
         with free_names(_names(casts, shot)), _parts(folder) as parts:
             written = [_write(context, cast, shot, timing, profile, parts, write) for cast in casts]
             checks = [
@@ -130,18 +135,28 @@ def _parts(folder: Path) -> Iterator[Path]:
     Raises:
         ExportError: the disk or Blender's exporter refuses a file.
     """
-    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    made: list[Path] = []
     try:
+        made += [place for place in (folder, *folder.parents) if not place.exists()]
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".export-", dir=folder) as parts:
             yield Path(parts)
     except (OSError, RuntimeError) as error:
-        reason = getattr(error, "strerror", None) or str(error).strip().splitlines()[-1]
-        raise ExportError(f"cannot write to {folder}: {reason}; free some space or choose another place") from error
+        hint = "free some space or choose another place or name"
+        raise ExportError(f"cannot write to {folder}: {_reason(error)}; {hint}") from error
     finally:
         for place in made:
             with suppress(OSError):  # a folder that holds files stays
                 place.rmdir()
+
+
+def _reason(error: OSError | RuntimeError) -> str:
+    """Why the disk or an exporter refuses, in one line; Blender gives an exporter's own error with its traceback."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    refused = _SYSTEM_ERROR.search(str(error))
+    lines = [line for line in str(error).splitlines() if line.strip() and not line.startswith("Location:")]
+    return refused[1] if refused else lines[-1].strip() if lines else type(error).__name__
 
 
 def _refuse_unfit(context: bpy.types.Context, characters: Sequence[Character]) -> None:
@@ -175,10 +190,18 @@ def _visible(context: bpy.types.Context) -> set[bpy.types.Object]:
     return set(context.view_layer.objects)
 
 
+def file_name(name: str, profile: Profile) -> str:
+    """The name of the one file that an export called `name` gives; its ending may be missing."""
+    return _file_name(*_stem_and_ending(name, profile))
+
+
+def _stem_and_ending(name: str, profile: Profile) -> tuple[str, str]:
+    ending = f".{profile.format}"
+    return (Path(name).stem, Path(name).suffix) if Path(name).suffix.lower() == ending else (name, ending)
+
+
 def _casts(performances: tuple[Performance, ...], profile: Profile, name: str) -> tuple[Cast, ...]:
-    stem, ending = Path(name).stem, Path(name).suffix
-    if ending.lower() != f".{profile.format}":
-        stem, ending = name, f".{profile.format}"
+    stem, ending = _stem_and_ending(name, profile)
     if not profile.one_file_each:
         alone = profile.armature_name if len(performances) == 1 else ""
         nodes = tuple(alone or performance.name for performance in performances)
@@ -191,6 +214,16 @@ def _casts(performances: tuple[Performance, ...], profile: Profile, name: str) -
 def _file_name(stem: str, ending: str) -> str:
     """A file's name that every system takes."""
     return ("".join("_" if sign in _FORBIDDEN else sign for sign in stem).strip() or "scene") + ending
+
+
+def _refuse_shared_files(casts: Sequence[Cast]) -> None:
+    """Names of characters may differ in signs that files' names leave out, or in capitals that some systems ignore."""
+    owners: dict[str, Cast] = {}
+    for cast in casts:
+        other = owners.setdefault(cast.file.casefold(), cast)
+        if other is not cast:
+            names = " and ".join(f"'{each.performances[0].name}'" for each in (other, cast))
+            raise ExportError(f"{names} would be written to the same file {other.file}: rename one")
 
 
 def _names(casts: Sequence[Cast], shot: Shot | None) -> set[str]:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The video behind the people: a movie clip as the camera's background, straightened when the lens distorts."""
 
+import os
 from pathlib import Path
 
 import bpy
@@ -34,8 +35,9 @@ def find_footage(take_path: Path, video_name: str, chosen: str) -> Path:
         FootageError: it is not there.
     """
     place = Path(bpy.path.abspath(chosen)) if chosen else take_path.parent
-    path = place / Path(video_name).name if place.is_dir() else place
-    if not path.is_file():
+    # Unlike pathlib's, these say no where the system keeps the place from us.
+    path = place / Path(video_name).name if os.path.isdir(place) else place  # noqa: PTH112
+    if not os.path.isfile(path):  # noqa: PTH113
         raise FootageError(f"footage {path} not found: put the video beside the take or choose it on import")
     return path
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from core_solver.errors import UserError
 from core_solver.take import write_take
 
 from .blender_truth import data_counts
@@ -63,9 +64,17 @@ def _missing(path: Path) -> None:
     path.unlink(missing_ok=True)
 
 
+def _a_list_of_entries_astray(path: Path) -> None:
+    _good(path)
+    content = bytearray(path.read_bytes())
+    content[content.index(b"PK\x01\x02")] = 0
+    path.write_bytes(content)
+
+
 BAD_FILES = {
     "cut in half": (_cut_in_half, "archive"),
     "another archive": (_another_archive, "not a Scene-Aware Mocap take"),
+    "a list of entries astray": (_a_list_of_entries_astray, "archive"),
     "text": (_text, "archive"),
     "newer": (_newer, "newer"),
     "not finite": (_not_finite, "people/1/gamma"),
@@ -86,6 +95,24 @@ def test_refused_with_reason_and_scene_unchanged(kind: str, bpy: Any, tmp_path: 
         bpy.ops.import_scene.scene_aware_mocap(filepath=str(path))
     assert "Traceback" not in str(refusal.value)
     assert data_counts(bpy) == before
+
+
+def test_a_take_that_cannot_be_reached_is_refused(bpy: Any, tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match=r"cannot read .*File name too long; choose another file") as refusal:
+        bpy.ops.import_scene.scene_aware_mocap(filepath=str(tmp_path / f"{'n' * 300}.npz"))
+    assert "Traceback" not in str(refusal.value)
+
+
+def test_a_take_that_must_not_be_read_is_refused(addon: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As root every file may be read: the system's refusal is played."""
+    _good(tmp_path / "t.npz")
+
+    def refuse(*_: Any) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(UserError, match=r"cannot read .*t\.npz: Permission denied"):
+        addon("scene_import.motion_files").read_motion_file(tmp_path / "t.npz")
 
 
 def test_the_good_file_these_come_from_is_taken(bpy: Any, tmp_path: Path) -> None:

@@ -169,7 +169,13 @@ def test_cleaning_changes_the_motion(run: Run, takes: list[Path], bpy: Any, tmp_
         (["--take", "TAKE", "--export", "OUT", "--map", "Martian"], "no bone map 'Martian': choose auto or one of"),
         (["--take", "TAKE", "--export", "OUT", "--rig", "there/is/none.glb"], "is not there: check the path"),
         (["--take", "TAKE", "--export", "OUT", "--rig", "hero.obj"], "must end in .glb, .gltf, .vrm, .fbx, .blend"),
+        (["--take", "TAKE", "--export", "OUT", "--rig", f"{'n' * 300}.glb"], "is not there: check the path"),
         (["--take", "TAKE", "--export", "OUT", "--engine", "quake"], "choose from"),
+        (["--take", "TAKE", "--export", "OUT", "--frame-rate", "-5"], "'-5' is no frame rate"),
+        (["--take", "TAKE", "--export", "OUT", "--frame-rate", "0"], "'0' is no frame rate"),
+        (["--take", "TAKE", "--export", "OUT", "--frame-rate", "nan"], "'nan' is no frame rate"),
+        (["--take", "TAKE", "--export", "OUT", "--frame-rate", "fast"], "'fast' is no frame rate"),
+        (["--take", "TAKE", "other/First Take.npz", "--export", "OUT"], "would be written to the same files"),
     ],
 )
 def test_bad_calls_are_code_2(words: list[str], reason: str, run: Run, takes: list[Path], tmp_path: Path) -> None:
@@ -186,6 +192,22 @@ def test_a_report_that_cannot_be_written_is_said(run: Run, takes: list[Path], tm
     code, lines = run("--take", takes[0], "--export", tmp_path / "out", "--report", blocked / "r.json")
     assert code == 1
     assert "cannot write the report" in lines[-1]
+
+
+def test_a_report_is_readable_by_whom_the_system_lets_read(run: Run, takes: list[Path], tmp_path: Path) -> None:
+    report, other = tmp_path / "r.json", tmp_path / "other.txt"
+    other.write_text("any new file")
+    assert run("--take", takes[0], "--motion-only", "--export", tmp_path / "out", "--report", report)[0] == 0
+    assert report.stat().st_mode == other.stat().st_mode
+
+
+def test_a_take_that_cannot_be_reached_is_said_in_one_line(run: Run, takes: list[Path], tmp_path: Path) -> None:
+    code, (line,) = run(
+        "--take", tmp_path / f"{'n' * 300}.npz", takes[0], "--motion-only", "--export", tmp_path / "out"
+    )
+    assert code == 1
+    assert "File name too long; choose another file" in line
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["first take.glb"]
 
 
 def test_blender_knows_the_command(addon: Any, takes: list[Path], tmp_path: Path, bpy: Any) -> None:

@@ -215,6 +215,25 @@ def test_two_characters_of_one_name_are_refused(scene: Any, bpy: Any, addon: Any
     assert not (tmp_path / "out").exists()
 
 
+def test_two_characters_whose_names_give_one_file_are_refused(scene: Any, bpy: Any, tmp_path: Path) -> None:
+    bpy.data.objects["Person 1"].name = "A/x"
+    bpy.data.objects["Person 2"].name = "a:X"
+    with pytest.raises(RuntimeError, match=r"'A/x' and 'a:X' would be written to the same file scene_A_x\.fbx"):
+        run(bpy, tmp_path / "out", engine="unreal")
+    assert not (tmp_path / "out").exists()
+    assert run(bpy, tmp_path / "out", engine="unreal", files="ALL") == {"scene.fbx"}
+
+
+@pytest.mark.parametrize("file_format", ["glb", "fbx"])
+def test_names_that_are_too_long_are_said_in_one_line(file_format: str, scene: Any, bpy: Any, tmp_path: Path) -> None:
+    long = "n" * 300
+    for folder, name in ((tmp_path / "out", long), (tmp_path / long, "scene")):
+        with pytest.raises(RuntimeError, match=r"cannot write to .*: File name too long; .* place or name") as refusal:
+            run(bpy, folder, file_name=name, file_format=file_format, contents="MOTION")
+        assert "Traceback" not in str(refusal.value)
+    assert [path.name for path in tmp_path.iterdir()] == ["match.npz"]
+
+
 def test_bones_that_leave_what_they_touch_at_rest(bpy: Any, tmp_path: Path) -> None:
     """Blender's FBX importer ties such bones together; the file is right nevertheless."""
     rig = build_rig(bpy)
