@@ -14,6 +14,7 @@ from ..clean.key_reduction import Bound
 from ..rig import cleaning
 from ..rig.layers import people_of
 from ..settings.clean import BlendInput, DriftInputs, FillInputs, KeyInputs, ResultInput, SmoothInputs, SurfaceInput
+from .names import listed_names
 
 rpt_ = bpy.app.translations.pgettext_rpt
 
@@ -84,8 +85,7 @@ class CleanOperator(ResultInput):
         raise NotImplementedError
 
     def _work(self, context: bpy.types.Context) -> cleaning.Work:
-        names = [name for part in self.people.split(",") if (name := part.strip())]
-        chosen = people_of(context, names)
+        chosen = people_of(context, listed_names(context, self.people))
         self.count = len(chosen)
         return (yield from self.work(context, chosen))
 

@@ -14,6 +14,7 @@ from ..export.exporting import export_characters
 from ..export.performance import Character, ExportError, characters_among
 from ..preferences import preferences_of
 from ..settings.export import TAKES_RELATIVE, ExportInputs, profile_of, show_checks, summary
+from .names import listed_names
 
 rpt_ = bpy.app.translations.pgettext_rpt
 
@@ -66,7 +67,7 @@ class Export(ExportInputs, bpy.types.Operator):
         return {"FINISHED"}
 
     def _chosen(self, context: bpy.types.Context) -> tuple[Character, ...]:
-        names = [name.strip() for name in self.characters.split(",") if name.strip()]
+        names = listed_names(context, self.characters)
         missing = [name for name in names if name not in context.scene.objects]
         if missing:
             raise ExportError(f"there is no object '{missing[0]}' in this scene: check the name")

@@ -4,6 +4,7 @@
 # Blender declares properties as annotations.
 # pyright: reportInvalidTypeForm=false
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -68,8 +69,10 @@ def _select(context: bpy.types.Context, rigs: Sequence[bpy.types.Object]) -> Non
 
 def _summary(done: Any) -> str:
     rigs = done.outcome.rigs
-    message = rpt_(
-        "Retargeted {} people: feet slide {:.1f} mm per frame, stand where they stood in {:.0f} % of their frames, "
-        "distances are off by {:.0f} mm"
+    parts = (
+        (rpt_("feet slide {:.1f} mm per frame"), rigs.skate_mm),
+        (rpt_("stand where they stood in {:.0f} % of their frames"), 100 * rigs.contact_recall),
+        (rpt_("distances are off by {:.0f} mm"), rigs.spacing_mm),
     )
-    return message.format(len(done.rigs), rigs.skate_mm, 100 * rigs.contact_recall, rigs.spacing_mm)
+    known = [rpt_("Retargeted {} people").format(len(done.rigs))]
+    return ", ".join(known + [text.format(value) for text, value in parts if not math.isnan(value)])

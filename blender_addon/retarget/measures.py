@@ -27,15 +27,15 @@ KEPT = 0.02
 
 @dataclass(frozen=True)
 class Measures:
-    """One row of the table.
+    """One row of the table; nan where there was nothing to be measured.
 
     Attributes:
         skate_mm: mean way of the sole's resting point per frame while the person's foot stands, millimetres.
         penetration_mm: mean depth of the soles below the ground while they stand, millimetres.
         contact_recall: part of the frames of standing feet in which the middle of the sole is within 2 cm of the place
-            where the person's stands, and the sole as high above the ground to within 2 cm; 1 when nobody stands.
+            where the person's stands, and the sole as high above the ground to within 2 cm.
         spacing_mm: largest error of the distance over the ground between two characters' hips.
-        touch_mm: mean error of the way between two palms that touch; 0 when none do.
+        touch_mm: mean error of the way between two palms that touch.
         overlap_mm: largest depth of one body inside another.
     """
 
@@ -85,10 +85,10 @@ def _measures(
     return Measures(
         skate_mm=1000 * _mean(np.concatenate(steps)),
         penetration_mm=1000 * _mean(np.concatenate(depths)),
-        contact_recall=_mean(np.concatenate(kept), otherwise=1.0),
+        contact_recall=_mean(np.concatenate(kept)),
         spacing_mm=1000 * _spacing_error(actors, bodies, scale),
         touch_mm=1000 * _touch_error(actors, bodies, ground),
-        overlap_mm=1000 * float(overlap.max(initial=0.0)),
+        overlap_mm=1000 * float(overlap.max(initial=0.0)) if len(actors) > 1 else np.nan,
     )
 
 
@@ -129,7 +129,7 @@ def _spacing_error(actors: Sequence[Actor], bodies: Sequence[tuple[Skeleton, Bon
         np.abs(_apart(rigs[i], rigs[j]) - scale * _apart(people[i], people[j])).max()
         for i, j in combinations(range(len(actors)), 2)
     ]
-    return float(max(errors, default=0.0))
+    return float(max(errors, default=np.nan))
 
 
 def _touch_error(actors: Sequence[Actor], bodies: Sequence[tuple[Skeleton, BoneMap, Motion]], ground: Ground) -> float:
@@ -141,7 +141,7 @@ def _touch_error(actors: Sequence[Actor], bodies: Sequence[tuple[Skeleton, BoneM
         for touch in find_touches(actors, ground)
         if touch.other >= 0 and touch.other_side >= 0
     ]
-    return _mean(np.concatenate(errors)) if errors else 0.0
+    return _mean(np.concatenate(errors)) if errors else np.nan
 
 
 def _between_hips(skeleton: Skeleton, bone_map: BoneMap, motion: Motion) -> Array:
@@ -154,5 +154,5 @@ def _apart(first: Array, second: Array) -> Array:
     return np.linalg.norm(first - second, axis=-1)
 
 
-def _mean(values: Array, otherwise: float = 0.0) -> float:
-    return float(values.mean()) if len(values) else otherwise
+def _mean(values: Array) -> float:
+    return float(values.mean()) if len(values) else np.nan

@@ -10,7 +10,7 @@ from core_solver.errors import UserError
 
 from ..retarget.options import Drive
 from .maps import map_of
-from .retargeting import Role
+from .retargeting import PLAYS, Role
 
 PERSON = "person_id"
 """Custom property of the armatures that takes bring in."""
@@ -67,13 +67,20 @@ def _likely_rig(context: bpy.types.Context) -> Any:
 
 def _likely_people(context: bpy.types.Context, rig: Any) -> list[Any]:
     """Selected people of takes, or other selected armatures that move, or all people of the scene."""
-    # Copies of the rig, which share its bones, are people's characters from before and no people.
-    selected = [obj for obj in _selected(context) if rig is None or obj.data != rig.data]
+    selected = [obj for obj in _selected(context) if obj != rig and not _is_character(obj)]
     people = [obj for obj in selected if PERSON in obj] or [obj for obj in selected if obj.animation_data is not None]
-    people = people or [obj for obj in context.scene.objects if obj.type == "ARMATURE" and PERSON in obj]
+    if not people:
+        armatures = [obj for obj in context.scene.objects if obj.type == "ARMATURE" and PERSON in obj]
+        people = [obj for obj in armatures if obj != rig and not _is_character(obj)]
     if not people:
         raise UserError("nobody to retarget: import a take, or select an armature that moves beside the rig")
     return sorted(people, key=lambda obj: obj.name)
+
+
+def _is_character(obj: Any) -> bool:
+    """Whether an armature plays a person by an earlier retargeting: it is no person itself."""
+    action = obj.animation_data.action if obj.animation_data else None
+    return PLAYS in obj or (action is not None and PLAYS in action)
 
 
 def _selected(context: bpy.types.Context) -> list[Any]:

@@ -160,10 +160,6 @@ def _poles(rig: Any) -> tuple[Pole, ...]:
 
 def _as_carried(copy: Any, names: Sequence[str], switches: Sequence[Switch]) -> Skeleton:
     """The bones named, at rest, each hanging on the one of them that carries it."""
-    if copy.animation_data is not None:
-        copy.animation_data.use_nla = False
-    for bone in copy.pose.bones:
-        bone.matrix_basis = np.eye(4).tolist()
     for switch in switches:
         bone = copy.pose.bones[switch.bone]
         bone[switch.name] = type(bone[switch.name])(switch.value)

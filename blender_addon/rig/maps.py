@@ -14,6 +14,7 @@ from ..retarget.finding import find_map
 from ..retarget.options import Drive
 from ..retarget.presets import Preset, built_in_presets, coverage, read_presets
 from ..retarget.skeleton import Skeleton
+from ..retarget.structure import NotHumanoidError
 from ..retarget.validation import find_problems
 from ..retarget.vrm import ROLE_OF_HUMAN_BONE, map_of_human_bones
 from ..settings.bone_map import stored_map
@@ -56,7 +57,10 @@ def found_map(obj: bpy.types.Object, skeleton: Skeleton, drive: Drive = "fk") ->
         UserError: the rig is no humanoid.
     """
     presets = [preset for preset in all_presets() if preset.title != _OTHER_CONTROLS[drive]]
-    return find_map(skeleton, presets, _own_map(obj))
+    try:
+        return find_map(skeleton, presets, _own_map(obj))
+    except NotHumanoidError as error:
+        raise NotHumanoidError(f"'{obj.name}': {error}") from error
 
 
 def all_presets() -> tuple[Preset, ...]:

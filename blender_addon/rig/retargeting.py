@@ -45,6 +45,10 @@ _SHORTEST_LEG, _LONGEST_LEG = 0.15, 4.0
 _LOOKS, _STRAYS = 5, 0.01
 
 
+PLAYS = "plays_person"
+"""Custom property of copies and of actions that retargeting makes: the name of the person."""
+
+
 @dataclass(frozen=True)
 class Role:
     """One person and the rig that shall move so.
@@ -93,8 +97,7 @@ def retarget(roles: Sequence[Role], options: Options, progress: Callable[[float]
     _check(roles)
     controls = [controls_of(role.rig, role.rig_map, options.drive, role.person.data.bones.keys()) for role in roles]
     for role, handles in zip(roles, controls, strict=True):
-        if not role.copied:
-            check_writable(role.rig, handles.keyed)
+        _check_keyable(role, handles)
     frames = frames_of([role.person for role in roles])
     notes: list[str] = []
     actors = [_actor(role, handles, frames, notes) for role, handles in zip(roles, controls, strict=True)]
@@ -145,12 +148,29 @@ def _check(roles: Sequence[Role]) -> None:
         raise UserError(f"'{several[0]}' cannot play several people: let it be copied, or give everybody a rig")
 
 
+def _check_keyable(role: Role, controls: Controls) -> None:
+    """Raise UserError unless the rig, or a copy of it, can be keyed: before the long reckoning."""
+    if not role.copied:
+        check_writable(role.rig, controls.keyed)
+        return
+    trial = copy_rig(role.rig, _copy_name(role), with_children=False)
+    try:
+        check_writable(trial, controls.keyed)
+    finally:
+        remove_rig(trial)
+
+
+def _copy_name(role: Role) -> str:
+    return f"{role.rig.name} {role.person.name}"
+
+
 def _actor(role: Role, controls: Controls, frames: Array, notes: list[str]) -> Actor:
     person = read_skeleton(role.person)
     motion = read_motion(role.person, person, frames)
     evidence = read_evidence(role.person, frames)
     contacts = evidence.contacts
-    if not says_contacts(role.person):
+    # A take in which nobody ever stands tells nothing of contacts, as motions of other makers.
+    if not (says_contacts(role.person) and contacts.any()):
         contacts = detect_contacts(person, role.person_map, motion)
         notes.append(f"'{role.person.name}' does not say when feet stand: taken from how low and slow they are")
     body, body_map = joined(controls.skeleton, role.rig_map)
@@ -180,22 +200,43 @@ def _shown(
     motions: Sequence[Motion],
     frames: Array,
 ) -> tuple[bpy.types.Object, ...]:
-    """Key the rigs; on an error take copies back."""
+    """Key the rigs; on an error take everything back."""
     rigs, copies = [], []
+    actions = set(bpy.data.actions)
+    playing = {role.rig: _playing(role.rig) for role in roles if not role.copied}
     try:
         for role, handles, actor, motion in zip(roles, controls, actors, motions, strict=True):
             rig = role.rig
             if role.copied:
-                rig = copy_rig(role.rig, f"{role.rig.name} {role.person.name}")
+                rig = copy_rig(role.rig, _copy_name(role))
                 copies.append(rig)
+                rig[PLAYS] = role.person.name
             known = _pass_on(role.person, rig, frames) if role.copied else []
             _key(rig, f"{role.person.name} on {role.rig.name}", handles, actor, motion, frames, known)
+            rig.animation_data.action[PLAYS] = role.person.name
             rigs.append(rig)
-    except UserError:
+    except BaseException:
         for copy in copies:
             remove_rig(copy)
+        for rig, former in playing.items():
+            _play(rig, *former)
+        for action in set(bpy.data.actions) - actions:
+            bpy.data.actions.remove(action)
         raise
     return tuple(rigs)
+
+
+def _playing(rig: Any) -> tuple[Any, Any]:
+    """A rig's action and its slot in it, which Blender before 4.4 does not have."""
+    animation = rig.animation_data
+    return (animation.action, getattr(animation, "action_slot", None)) if animation else (None, None)
+
+
+def _play(rig: Any, action: Any, slot: Any) -> None:
+    if rig.animation_data is not None:
+        rig.animation_data.action = action
+        if slot is not None:
+            rig.animation_data.action_slot = slot
 
 
 def _pass_on(person: Any, copy: Any, frames: Array) -> list[Curves]:

@@ -154,8 +154,11 @@ def chosen_people(take: Take, wanted: tuple[str, ...]) -> tuple[Person, ...]:
     Raises:
         ChoiceError: somebody is not there.
     """
-    words = {word.strip().casefold() for word in wanted}
     called = [{person.name.casefold(), str(person.id)} for person in take.people]
+    words = {word.strip().casefold() for word in wanted}
+    whole = ",".join(wanted).strip().casefold()  # a name may have commas in it
+    if whole and any(whole in names for names in called):
+        words = {whole}
     missing = words.difference(*called)
     if missing:
         there = ", ".join(f"{person.name} ({person.id})" for person in take.people) or "nobody"

@@ -4,6 +4,7 @@
 # Blender declares properties as annotations.
 # pyright: reportInvalidTypeForm=false
 
+import math
 from typing import Any
 
 import bpy
@@ -115,4 +116,6 @@ _ROWS = (
 
 
 def _figure(value: float, unit: str, digits: int) -> str:
+    if math.isnan(value):
+        return "-"
     return f"{100 * value if unit == '%' else value:.{digits}f} {unit}"
