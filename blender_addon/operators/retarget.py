@@ -74,5 +74,6 @@ def _summary(done: Any) -> str:
         (rpt_("stand where they stood in {:.0f} % of their frames"), 100 * rigs.contact_recall),
         (rpt_("distances are off by {:.0f} mm"), rigs.spacing_mm),
     )
-    known = [rpt_("Retargeted {} people").format(len(done.rigs))]
-    return ", ".join(known + [text.format(value) for text, value in parts if not math.isnan(value)])
+    done_so = rpt_("Retargeted {} people").format(len(done.rigs))
+    known = ", ".join(text.format(value) for text, value in parts if not math.isnan(value))
+    return f"{done_so}: {known}" if known else done_so
