@@ -8,7 +8,7 @@ same is done in coarser and coarser columns for places where fewer points were s
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +27,9 @@ _STOREY = 2.2
 
 # A cloud must be nearer to the soles than the plane by so many metres: on level floors the two differ by noise alone.
 _DOUBT = 0.02
+_AGREES = 0.1  # metres: a cloud farther from the soles than this is wrong there
+_RISE = 0.2  # metres, of a stair: cloud farther above or below those who stand nearby is not what they stand on
+_PLACE = 0.4  # metres: so wide are the places whose soles tell together
 _FARTHEST = 1000.0  # metres from the world's origin: what is farther off is no place to stand
 _GAP = 0.06  # metres of empty height between two surfaces of one column
 _THIN = 0.04  # metres: spread in height of a level surface's points, their noise included
@@ -107,6 +110,55 @@ def _key(columns: Indices, heights: Array) -> Indices:
 
 
 @dataclass(frozen=True)
+class _Votes:
+    """Places where people stood, and what their soles say of the cloud and of the plane there.
+
+    Attributes:
+        places: as surfaces of columns.
+        off_cloud, off_plane: (N,) how far the soles of a place are from either, metres.
+    """
+
+    places: _Surfaces
+    off_cloud: Array
+    off_plane: Array
+
+    @classmethod
+    def of(cls, soles: Array, off_cloud: Array) -> "_Votes":
+        """Gather (N, 3) soles into places."""
+        keys = _key(np.floor(soles[:, :2] / _PLACE).astype(np.int64), np.round(soles[:, 2] / STEP) * STEP)
+        _, member, counts = np.unique(keys, return_inverse=True, return_counts=True)
+
+        def mean(values: Array) -> Array:
+            return np.bincount(member, values) / counts
+
+        centres = np.stack([mean(axis) for axis in soles.T], axis=1)
+        keys = _key(np.floor(centres[:, :2] / _PLACE).astype(np.int64), centres[:, 2])
+        order = np.argsort(keys)
+        some = np.zeros(len(order))
+        places = _Surfaces(
+            _PLACE, keys[order], centres[order], counts[order].astype(float), some, np.zeros((len(order), 2))
+        )
+        off_plane = np.minimum(np.abs(soles[:, 2]), 2 * STEP)
+        return cls(places, mean(np.minimum(off_cloud, 2 * STEP))[order], mean(off_plane)[order])
+
+    def chosen(self, xy: Array, expected: Array, cloud: Array, plane: float) -> Array:
+        """(Q,) of the cloud's and the plane's heights those that count; the expected ones where none does.
+
+        Far from places where people stood all of these are asked.
+        """
+        told = np.stack([np.ones(len(self.off_cloud)), self.off_cloud, self.off_plane, self.places.centres[:, 2]])
+        totals = np.zeros((len(told), len(xy)))
+        for found, neighbour in _neighbours(self.places, xy, expected, 1):
+            way = self.places.centres[neighbour] - np.column_stack([xy, expected])
+            totals += found * np.exp(-np.sum(way**2, axis=1) / _PLACE**2) * told[:, neighbour]
+        alone = totals[0] < 1e-6
+        weight, off_cloud, off_plane, level = np.where(alone, np.median(told, axis=1)[:, None], totals)
+        off_cloud, off_plane, level = off_cloud / weight, off_plane / weight, np.where(alone, cloud, level / weight)
+        fits = (off_cloud < _AGREES) & (off_cloud < off_plane - _DOUBT) & (np.abs(cloud - level) < _RISE)
+        return np.where(fits, cloud, np.where(off_plane > STEP, expected, plane))
+
+
+@dataclass(frozen=True)
 class Ground:
     """Heights that feet can stand on.
 
@@ -114,11 +166,13 @@ class Ground:
         levels: the surfaces seen, in finer columns first; empty for a plane.
         plane: height where nothing was seen, metres.
         things: all that was seen, walls and tables too; None for a plane.
+        votes: where the surfaces count instead of the plane; None for everywhere.
     """
 
     levels: tuple[_Surfaces, ...]
     plane: float = 0.0
     things: Things | None = None
+    votes: _Votes | None = None
 
     @classmethod
     def flat(cls, z: float = 0.0) -> "Ground":
@@ -160,10 +214,11 @@ class Ground:
 
     @classmethod
     def under(cls, points: ArrayLike, soles: ArrayLike) -> "Ground":
-        """The ground of a scene if its people stand on it, otherwise the plane z = 0.
+        """The ground of a scene where its people stand on it, elsewhere the plane z = 0.
 
-        What a network saw as a floor may bulge by more than stairs are high. Where people stood tells: the cloud counts
-        if it is nearer to most of their soles than the plane is.
+        What a network saw as a floor may bulge by more than stairs are high. Where people stood tells, place by place:
+        the cloud counts if it agrees with the soles there and is nearer to them than the plane is. Where the soles are
+        far from both they are on something that nobody saw, and stay as high as they are.
 
         Args:
             points: (P, 3) as in `from_points`.
@@ -172,8 +227,13 @@ class Ground:
         seen, soles = cls.from_points(points), np.asarray(soles, float).reshape(-1, 3)
         if not len(soles):
             return seen
-        off_cloud = np.abs(soles[:, 2] - seen.height(soles[:, :2], soles[:, 2]))
-        return seen if np.median(off_cloud) < np.median(np.abs(soles[:, 2])) - _DOUBT else cls.flat()
+        surface = seen.height(soles[:, :2], soles[:, 2])
+        # Where the cloud is level with the plane soles on it cannot tell the two apart.
+        telling = (np.abs(surface) > _DOUBT) | (np.abs(soles[:, 2]) > STEP)
+        if not seen.levels or not telling.any():
+            return cls.flat()
+        votes = _Votes.of(soles[telling], np.abs(soles[:, 2] - surface)[telling])
+        return replace(seen, votes=votes)
 
     def height(self, xy: ArrayLike, near_z: ArrayLike | None = None) -> Array:
         """The ground's height.
@@ -186,7 +246,7 @@ class Ground:
                 to z = 0 counts, up to a storey above or below.
 
         Returns:
-            (...) metres; the plane's height where nothing was seen.
+            (...) metres; the plane's height where nothing was seen, `near_z` where nothing that was seen can be meant.
         """
         xy = np.asarray(xy, float)
         expected = np.zeros(xy.shape[:-1]) if near_z is None else np.broadcast_to(near_z, xy.shape[:-1]).astype(float)
@@ -198,6 +258,8 @@ class Ground:
             found, surface = _blend(level, places[open_], wanted[open_], reach)
             heights[open_[found]] = surface[found]
             open_ = open_[~found]
+        if self.votes is not None:
+            heights = self.votes.chosen(places, wanted, heights, self.plane)
         return heights.reshape(expected.shape)
 
 

@@ -143,3 +143,23 @@ def test_a_cloud_counts_where_people_stand_on_it(addon: Any) -> None:
     level = np.column_stack([xy, 0.03 * rng.normal(size=300)])
     np.testing.assert_array_equal(Ground.under(bulging, level).height(xy, 0.0), np.zeros(300))
     assert float(Ground.under(points, np.zeros((0, 3))).height([3.5, 0.0], 1.0)) > 0.9
+
+
+def test_each_place_has_the_surface_that_its_soles_fit(addon: Any) -> None:
+    rng = np.random.default_rng(11)
+    Ground = addon("retarget.ground").Ground
+    scene = stairs(rng, 60_000, 0.01)
+    # Metres aside a level floor that the cloud shows a hand's length too high.
+    xy = rng.uniform([0, 4], [4, 6], (30_000, 2))
+    bulge = np.column_stack([xy, 0.2 + 0.05 * np.sin(xy[:, 0])])
+    places = rng.uniform([0.2, 4.2], [3.8, 5.8], (400, 2))
+    on_floor = np.column_stack([places, 0.02 * rng.normal(size=400)])
+    steps = np.array([1.42, 1.70, 1.98, 2.26])
+    on_stairs = np.column_stack([steps, np.zeros(4), stairs_height(steps)])
+    ground = Ground.under(np.concatenate([scene, bulge]), np.concatenate([on_floor, on_stairs]))
+    np.testing.assert_allclose(ground.height(on_stairs[:, :2], on_stairs[:, 2]), on_stairs[:, 2], atol=0.03)
+    np.testing.assert_array_equal(ground.height(places, on_floor[:, 2]), np.zeros(400))
+    # Feet on what neither the plane nor the cloud shows stay there.
+    raised = on_floor + np.array([0.0, 0.0, 1.0])
+    lifted = Ground.under(np.concatenate([scene, bulge]), np.concatenate([raised, on_stairs]))
+    np.testing.assert_array_equal(lifted.height(places, raised[:, 2]), raised[:, 2])
