@@ -122,7 +122,7 @@ def _clean(context: bpy.types.Context, people: Sequence[bpy.types.Object], names
         "ground": ground_snap("AUTO", BLEND),
         "footlock": foot_lock(BLEND),
     }
-    return finish(clean(context, people, [steps[name] for name in names], "ACTION"))
+    return finish(clean(context, people, [steps[name] for name in names], "ACTION")).notes
 
 
 def _retarget(context: bpy.types.Context, imported: Imported, request: Request) -> _Cast:

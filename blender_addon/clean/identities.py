@@ -28,8 +28,9 @@ def swapped(first: Performance, second: Performance, cut: int) -> tuple[Performa
         cut: first frame that is the other's.
 
     Raises:
-        UserError: the two have different bones, or nothing lies before or after the cut.
+        UserError: the two have different bones, somebody is never there, or nothing lies before or after the cut.
     """
+    _check_there(first, second)
     _check_cut(cut, len(first.motion.times))
     return _joined(first, second, cut), _joined(second, first, cut)
 
@@ -46,8 +47,10 @@ def merged(earlier: Performance, later: Performance, cut: int | None = None) -> 
             frames in which both are seen.
 
     Raises:
-        UserError: the two have different bones, or the first is seen after the second is gone.
+        UserError: the two have different bones, somebody is never there, or the first is seen after the second is
+            gone.
     """
+    _check_there(earlier, later)
     if cut is None:
         cut = _meeting(earlier, later)
     _check_cut(cut, len(earlier.motion.times))
@@ -110,8 +113,10 @@ def _joined(first: Performance, second: Performance, cut: int) -> Performance:
 def _chosen(first: Evidence, second: Evidence, late: Flags) -> Evidence:
     present = np.where(late, second.present, first.present)
     there = np.flatnonzero(present)
-    # Between the last frame of the one and the first of the other the person is there, though nobody saw it.
-    present[there[0] : there[-1] + 1] = True
+    # Between the last frame of the one and the first of the other the person is there, though nobody saw it. A swap
+    # that puts a split right leaves one of the two nowhere.
+    if len(there):
+        present[there[0] : there[-1] + 1] = True
     return Evidence(
         contacts=np.where(late[:, None], second.contacts, first.contacts),
         seen=np.where(late, second.seen & second.present, first.seen & first.present),
@@ -141,6 +146,12 @@ def _meeting(earlier: Performance, later: Performance) -> int:
             f"'{later.name}' is not seen after '{earlier.name}': choose who is there first as the active person"
         )
     return (ends + begins) // 2 + 1
+
+
+def _check_there(*people: Performance) -> None:
+    gone = [person.name for person in people if not person.evidence.present.any()]
+    if gone:
+        raise UserError(f"'{gone[0]}' is never there, as after being merged: choose two people who are")
 
 
 def _check_cut(cut: int, count: int) -> None:

@@ -37,13 +37,13 @@ class CleanOperator(ResultInput):
         windows = context.window_manager
         windows.progress_begin(0.0, 1.0)
         try:
-            notes = cleaning.finish(self._work(context), windows.progress_update)
+            cleaned = cleaning.finish(self._work(context), windows.progress_update)
         except UserError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         finally:
             windows.progress_end()
-        return self._done(notes)
+        return self._done(cleaned)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         if context.window is None:
@@ -85,19 +85,17 @@ class CleanOperator(ResultInput):
         raise NotImplementedError
 
     def _work(self, context: bpy.types.Context) -> cleaning.Work:
-        chosen = people_of(context, listed_names(context, self.people))
-        self.count = len(chosen)
-        return (yield from self.work(context, chosen))
+        return (yield from self.work(context, people_of(context, listed_names(context, self.people))))
 
     def _end(self, context: bpy.types.Context) -> None:
         self.working.close()
         context.window_manager.event_timer_remove(self.timer)
         context.window_manager.progress_end()
 
-    def _done(self: Any, notes: list[str]) -> set[str]:
-        for note in notes:
+    def _done(self: Any, cleaned: cleaning.Cleaned) -> set[str]:
+        for note in cleaned.notes:
             self.report({self.note_kind}, note)
-        self.report({"INFO"}, rpt_("{}: {} done").format(rpt_(self.bl_label), self.count))
+        self.report({"INFO"}, rpt_("{}: {} done").format(rpt_(self.bl_label), cleaned.count))
         return {"FINISHED"}
 
 

@@ -13,6 +13,7 @@ from core_solver.errors import UserError
 from ..export.exporting import export_characters
 from ..export.performance import Character, ExportError, characters_among
 from ..preferences import preferences_of
+from ..rig.evidence import never_there
 from ..settings.export import TAKES_RELATIVE, ExportInputs, profile_of, show_checks, summary
 from .names import listed_names
 
@@ -75,7 +76,8 @@ class Export(ExportInputs, bpy.types.Operator):
             return characters_among(context, [context.scene.objects[name] for name in names])
         selected = [obj for obj in context.view_layer.objects if obj.select_get()]
         moving = [obj for obj in context.view_layer.objects if obj.type == "ARMATURE" and obj.animation_data]
-        return characters_among(context, selected) or characters_among(context, moving)
+        likely = characters_among(context, selected) or characters_among(context, moving)
+        return tuple(character for character in likely if not never_there(character.armature))
 
     def _folder(self, context: bpy.types.Context) -> Path:
         folder = self.directory or preferences_of(context).export_directory

@@ -4,6 +4,7 @@
 import bpy
 
 from ..operators.import_take import ImportTake
+from ..rig.evidence import never_there
 from ..scene_import.armature import PRESENT_FROM, PRESENT_UNTIL
 
 iface_ = bpy.app.translations.pgettext_iface
@@ -26,5 +27,7 @@ class ImportPanel(bpy.types.Panel):
         box.label(text=person.name, icon="ARMATURE_DATA", translate=False)
         box.label(text=iface_("Height {:.2f} m").format(person["height_m"]), translate=False)
         box.label(text=iface_("Body {}").format(person["body_model"]), translate=False)
+        if never_there(person):
+            return
         there = iface_("There from {:.2f} s to {:.2f} s").format(person[PRESENT_FROM], person[PRESENT_UNTIL])
         box.label(text=there, translate=False)

@@ -9,6 +9,7 @@ import bpy
 from core_solver.errors import UserError
 
 from ..retarget.options import Drive
+from .evidence import never_there
 from .maps import map_of
 from .retargeting import PLAYS, Role
 
@@ -66,12 +67,12 @@ def _likely_rig(context: bpy.types.Context) -> Any:
 
 
 def _likely_people(context: bpy.types.Context, rig: Any) -> list[Any]:
-    """Selected people of takes, or other selected armatures that move, or all people of the scene."""
-    selected = [obj for obj in _selected(context) if obj != rig and not _is_character(obj)]
+    """Selected people of takes, or other selected armatures that move, or all people of the scene, who are there."""
+    selected = [obj for obj in _selected(context) if obj != rig and not _is_character(obj) and not never_there(obj)]
     people = [obj for obj in selected if PERSON in obj] or [obj for obj in selected if obj.animation_data is not None]
     if not people:
         armatures = [obj for obj in context.scene.objects if obj.type == "ARMATURE" and PERSON in obj]
-        people = [obj for obj in armatures if obj != rig and not _is_character(obj)]
+        people = [obj for obj in armatures if obj != rig and not _is_character(obj) and not never_there(obj)]
     if not people:
         raise UserError("nobody to retarget: import a take, or select an armature that moves beside the rig")
     return sorted(people, key=lambda obj: obj.name)

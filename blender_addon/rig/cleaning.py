@@ -31,8 +31,23 @@ from .retargeting import frames_of
 Array = NDArray[np.float64]
 Surface = Literal["AUTO", "CLOUD", "FLOOR"]
 Contacts = Literal["NEEDED", "USEFUL", "UNUSED"]
-Work = Generator[float, None, list[str]]
-"""Yields the part done, 0..1; nothing has changed until it returns, with sentences for the user."""
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """What has been done.
+
+    Attributes:
+        notes: sentences for the user.
+        count: of people whose motion is a new one.
+    """
+
+    notes: list[str]
+    count: int
+
+
+Work = Generator[float, None, Cleaned]
+"""Yields the part done, 0..1; nothing has changed until it returns."""
 
 
 _URGENCY: tuple[Contacts, ...] = ("NEEDED", "USEFUL", "UNUSED")
@@ -44,13 +59,13 @@ class Step:
 
     Attributes:
         label: for the new action's name.
-        change: the motion instead, and a sentence for the user or "".
+        change: the motion instead, None where it stays, and a sentence for the user or "".
         contacts: whether it must know when feet stand; "USEFUL" where it does with what is known.
         surface: which ground it needs; None for none.
     """
 
     label: str
-    change: Callable[[Performance, Ground], tuple[Motion, str]]
+    change: Callable[[Performance, Ground], tuple[Motion | None, str]]
     contacts: Contacts = "NEEDED"
     surface: Surface | None = None
 
@@ -92,10 +107,11 @@ def drift_removal(surface: Surface | None) -> Step:
 def gap_filling(filling: Filling, confidence: float) -> Step:
     """Replace the motion where nobody saw the person, or with less confidence."""
 
-    def change(performance: Performance, _: Ground) -> tuple[Motion, str]:
+    def change(performance: Performance, _: Ground) -> tuple[Motion | None, str]:
         gaps = hidden_spans(performance.evidence, confidence)
-        note = "" if gaps else f"'{performance.name}' is never hidden"
-        return fill(performance, gaps, filling), note
+        if not gaps:
+            return None, f"'{performance.name}' is never hidden"
+        return fill(performance, gaps, filling), ""
 
     return Step("filled", change, contacts="UNUSED")
 
@@ -108,7 +124,7 @@ def baking() -> Step:
 def clean(
     context: bpy.types.Context, people: Sequence[bpy.types.Object], steps: Sequence[Step], result: Result
 ) -> Work:
-    """Do some steps one after the other; each person gets one new action or layer.
+    """Do some steps one after the other; each person whom they change gets one new action or layer.
 
     Args:
         context: of the scene.
@@ -121,18 +137,21 @@ def clean(
     """
     notes: list[str] = []
     contacts = _URGENCY[min(_URGENCY.index(step.contacts) for step in steps)]
-    changed = yield from _read(context, people, contacts, notes)
+    found = yield from _read(context, people, contacts, notes)
+    changed: set[int] = set()
     for number, step in enumerate(steps):
-        grounds = _grounds(changed, step.surface)
-        for place, (person, ground) in enumerate(zip(changed, grounds, strict=True)):
-            yield 0.5 + 0.5 * (number + place / len(changed)) / len(steps)
+        grounds = _grounds(found, step.surface)
+        for place, (person, ground) in enumerate(zip(found, grounds, strict=True)):
+            yield 0.5 + 0.5 * (number + place / len(found)) / len(steps)
             motion, note = step.change(person.performance, ground)
-            changed[place] = replace(person, performance=replace(person.performance, motion=motion))
+            if motion is not None:
+                found[place] = replace(person, performance=replace(person.performance, motion=motion))
+                changed.add(place)
             notes += [note] if note else []
     label = ", ".join(step.label for step in steps)
-    for person in changed:
-        write_performance(person.object, person.performance, label, person.frames, result)
-    return notes
+    for place in sorted(changed):
+        write_performance(found[place].object, found[place].performance, label, found[place].frames, result)
+    return Cleaned(notes, len(changed))
 
 
 def reduce(context: bpy.types.Context, people: Sequence[bpy.types.Object], bound: Bound, result: Result) -> Work:
@@ -165,10 +184,10 @@ def reduce(context: bpy.types.Context, people: Sequence[bpy.types.Object], bound
             f"'{person.object.name}' keeps {left:.0f} % of its keys, within {1000 * bound.distance:g} mm and "
             f"{np.degrees(bound.angle):g} degrees"
         )
-    return notes
+    return Cleaned(notes, len(found))
 
 
-def finish(work: Work, progress: Callable[[float], None] = lambda _: None) -> list[str]:
+def finish(work: Work, progress: Callable[[float], None] = lambda _: None) -> Cleaned:
     """Do work to its end without a stop.
 
     Args:

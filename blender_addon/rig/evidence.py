@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..clean.performance import Evidence
 from ..scene_import.actions import Curves
-from ..scene_import.armature import CONFIDENCE, CONTACTS, EVIDENCE
+from ..scene_import.armature import CONFIDENCE, CONTACTS, EVIDENCE, PRESENT_FROM, PRESENT_UNTIL
 from ..scene_import.presence import PRESENT
 from .curves import curves_of, sample
 
@@ -37,6 +37,11 @@ def read_evidence(obj: bpy.types.Object, frames: Array) -> Evidence:
 def says_contacts(obj: bpy.types.Object) -> bool:
     """Whether an armature knows when its feet stand."""
     return all(name in obj for name in CONTACTS)
+
+
+def never_there(obj: bpy.types.Object) -> bool:
+    """Whether an armature plays somebody who turned out to be another one, and is hidden throughout."""
+    return PRESENT_FROM in obj and obj[PRESENT_UNTIL] < obj[PRESENT_FROM]
 
 
 def evidence_curves(obj: bpy.types.Object, evidence: Evidence) -> list[Curves]:

@@ -76,6 +76,8 @@ def split_person(context: bpy.types.Context, person: bpy.types.Object, cut: int,
 
 
 def _read(context: bpy.types.Context, people: list[bpy.types.Object]) -> tuple[Array, list[Performance]]:
+    if len(set(people)) < len(people):
+        raise UserError(f"'{people[0].name}' is both people: choose two different ones")
     for person in people:
         check_layerable(person)
         if _PERSON not in person:
@@ -93,10 +95,13 @@ def _write(
     context: bpy.types.Context, obj: Any, performance: Performance, label: str, frames: Array, result: Result
 ) -> None:
     write_performance(obj, performance, label, frames, result)
+    if PRESENT_FROM not in obj:
+        return
     there = np.flatnonzero(performance.evidence.present)
-    if len(there) and PRESENT_FROM in obj:
-        rate = context.scene.render.fps / context.scene.render.fps_base
-        obj[PRESENT_FROM], obj[PRESENT_UNTIL] = (float(frames[frame]) / rate for frame in there[[0, -1]])
+    rate = context.scene.render.fps / context.scene.render.fps_base
+    # No time is both after 0 s and before -1 s: who reads these never shows the person.
+    times = frames[there[[0, -1]]] / rate if len(there) else (0.0, -1.0)
+    obj[PRESENT_FROM], obj[PRESENT_UNTIL] = (float(time) for time in times)
 
 
 def _copied(context: bpy.types.Context, person: Any) -> bpy.types.Object:

@@ -184,6 +184,62 @@ def test_split_and_merged_people(bpy: Any, people: list[Any]) -> None:
     assert np.abs(bone_heads(bpy, person, FRAMES) - before).max() < 0.15
     bpy.context.scene.frame_set(30)
     assert body.evaluated_get(bpy.context.evaluated_depsgraph_get()).hide_render
+    assert second["present_until_s"] < second["present_from_s"]
+    for name in ("swap_people", "merge_people"):
+        refused(bpy, name, "never there", first=person.name, second=second.name, frame=21)
+
+
+def test_a_swap_puts_a_split_right(bpy: Any, people: list[Any]) -> None:
+    person = people[0]
+    times = person["present_from_s"], person["present_until_s"]
+    before = bone_heads(bpy, person, FRAMES)
+    ops(bpy, "split_person")(first=person.name, frame=21)
+    ops(bpy, "swap_people")(first=f"{person.name} second", second=person.name, frame=21)
+    assert (person["present_from_s"], person["present_until_s"]) == pytest.approx(times)
+    assert np.abs(bone_heads(bpy, person, FRAMES) - before).max() < 0.15
+
+
+def test_who_is_never_there_is_left_out(bpy: Any, addon: Any, people: list[Any], tmp_path: Path) -> None:
+    person, gone = people
+    ops(bpy, "merge_people")(first=person.name, second=gone.name, frame=21)
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.context.view_layer.objects.active = None
+    ops(bpy, "load_sample_rig")()
+    bpy.ops.object.select_all(action="DESELECT")
+    likely = addon("rig.casting")._likely_people
+    assert likely(bpy.context, None) == [person]
+    for obj in people:
+        obj.select_set(True)
+    assert likely(bpy.context, None) == [person]
+    ops(bpy, "export")(directory=str(tmp_path), file_name="two", file_format="glb", files="EACH")
+    assert [file.stem for file in tmp_path.glob("*.glb")] == [f"two_{person.name}"]
+    ops(bpy, "export")(directory=str(tmp_path), file_name="one", file_format="glb", characters=gone.name)
+    assert list(tmp_path.glob("one*.glb"))
+
+
+def test_nothing_hidden_makes_no_new_action(bpy: Any, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    take = make_take(TakeSpec())
+    seen = tuple(replace(person, valid=np.ones_like(person.valid)) for person in take.people)
+    write_take(tmp_path / "t.npz", replace(take, people=seen))
+    bpy.ops.import_scene.scene_aware_mocap(filepath=str(tmp_path / "t.npz"))
+    people = [armature_of(bpy, person) for person in seen]
+    actions = [person.animation_data.action for person in people]
+    assert ops(bpy, "fill_gaps")() == {"FINISHED"}
+    assert [person.animation_data.action for person in people] == actions
+    said = capfd.readouterr()
+    assert "is never hidden" in said.out + said.err
+    assert "0 done" in said.out + said.err
+
+
+def test_the_sample_on_its_stairs_stays_there(bpy: Any) -> None:
+    ops(bpy, "load_sample_take")()
+    cleo, frames = bpy.data.objects["Cleo"], (70, 90, 120)
+    pelvis = cleo.data.bones.find("pelvis")
+    before = bone_heads(bpy, cleo, frames)[:, pelvis, 2]
+    bpy.ops.object.select_all(action="DESELECT")
+    for name in ("snap_feet", "snap_feet", "remove_drift"):
+        ops(bpy, name)()
+        np.testing.assert_allclose(bone_heads(bpy, cleo, frames)[:, pelvis, 2], before, atol=0.02)
 
 
 # --- bad input ---
@@ -228,6 +284,19 @@ def test_one_person_is_no_pair(bpy: Any, people: list[Any]) -> None:
     bpy.context.view_layer.objects.active = people[0]
     refused(bpy, "swap_people", "choose two people", frame=5)
     refused(bpy, "split_person", "inside the take", first=people[0].name, frame=1)
+    name = people[0].name
+    for operation in ("swap_people", "merge_people"):
+        refused(bpy, operation, "two different", first=name, second=name, frame=5)
+
+
+def test_who_is_left_out_is_not_counted(bpy: Any, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    take = make_take(TakeSpec(frames=len(FRAMES)))
+    silent = replace(take.people[1], contacts=np.zeros((len(FRAMES), 2), np.float32))
+    write_take(tmp_path / "t.npz", replace(take, people=(_gliding(take.people[0]), silent)))
+    bpy.ops.import_scene.scene_aware_mocap(filepath=str(tmp_path / "t.npz"))
+    ops(bpy, "lock_feet")()
+    said = capfd.readouterr()
+    assert "Lock Feet: 1 done" in said.out + said.err
 
 
 def test_a_stop_changes_nothing(bpy: Any, addon: Any, people: list[Any]) -> None:

@@ -65,6 +65,20 @@ def test_a_split_person_merges_again(addon: Any) -> None:
     np.testing.assert_allclose(whole.motion.heads[outside], person.motion.heads[outside], atol=1e-6)
 
 
+def test_a_swap_puts_a_split_right(addon: Any) -> None:
+    module = addon("clean.identities")
+    person = walker(addon)
+    before, after = module.split(person, CUT)
+    nobody, whole = module.swapped(after, before, CUT)
+    assert whole.evidence.present.all()
+    assert not nobody.evidence.present.any()
+    outside = np.r_[: CUT - 5, CUT + 5 : 120]
+    np.testing.assert_allclose(whole.motion.heads[outside], person.motion.heads[outside], atol=1e-6)
+    for change in (module.swapped, module.merged):
+        with pytest.raises(UserError, match="never there"):
+            change(whole, nobody, CUT)
+
+
 def test_what_nobody_saw_between_two_parts_is_filled(addon: Any) -> None:
     module = addon("clean.identities")
     person = walker(addon)
