@@ -94,11 +94,11 @@ def decode_meta(document: dict[str, Any]) -> Meta:
             depth_source=str(document["depth_source"]),
             preset=str(solver["preset"]),
             solver_version=str(solver["version"]),
-            settings=dict(solver["settings"]),
+            settings=_kept(dict(solver["settings"])),
             warnings=tuple(str(w) for w in document["warnings"]),
             joint_names=tuple(str(n) for n in document["joint_names"]),
             parents=tuple(int(p) for p in document["parents"]),
-            extra={key: value for key, value in document.items() if key not in _KNOWN},
+            extra=_kept({key: value for key, value in document.items() if key not in _KNOWN}),
         )
     except (KeyError, TypeError, ValueError, IndexError, ArithmeticError) as error:
         raise TakeError(f"the take's meta entry is damaged ({type(error).__name__}: {error})") from error
@@ -114,6 +114,12 @@ def people_facts(document: dict[str, Any]) -> list[dict[str, Any]]:
     if not isinstance(people, list) or not all(isinstance(facts, dict) for facts in people):
         raise TakeError("the take's list of people is damaged")
     return people
+
+
+def _kept(facts: dict[str, Any]) -> dict[str, Any]:
+    """Facts that are kept as they are; ValueError for numbers Python reads and JSON does not have: infinity, NaN."""
+    json.dumps(facts, allow_nan=False)
+    return facts
 
 
 def _decode_camera(camera: dict[str, Any]) -> CameraModel:

@@ -45,7 +45,7 @@ class FakeNetworks:
 
 
 class FakeStore:
-    def __init__(self, _folder: Path | None = None):
+    def __init__(self, _folder: Path | None = None, *, offline: bool = False):
         pass
 
     def require(self, name: str) -> Path:

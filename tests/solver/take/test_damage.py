@@ -316,6 +316,8 @@ def test_values_too_large_for_the_file_are_refused_on_writing(tmp_path: Path) ->
         (["camera", "distortion", 2], 1e999, "finite"),
         (["camera", "width"], 1e999, "meta entry is damaged"),
         (["camera", "height"], 0, "image size"),
+        (["solver", "settings", "every"], [1e999], "meta entry is damaged"),
+        (["somebody's own"], float("nan"), "meta entry is damaged"),
         (["people"], 5, "list of people"),
         (["people"], None, "list of people"),
         (["people", 1], "Ann", "list of people"),
