@@ -19,6 +19,7 @@ from .bone_map import BoneMap
 from .landmarks import Landmark, landmark
 from .roles import SIDES
 from .skeleton import Motion, Skeleton
+from .small_systems import solve_positive
 
 Array = NDArray[np.float64]
 
@@ -300,14 +301,14 @@ def _solve_within(hessian: Array, gradient: Array, least: Array, most: Array) ->
 
     The others then do what the held ones cannot.
     """
-    step = -np.linalg.solve(hessian, gradient[..., None])[..., 0]
+    step = -solve_positive(hessian, gradient)
     inside = np.clip(step, least, most)
     frames = np.flatnonzero((step != inside).any(axis=1))
     if len(frames):
         held = (step != inside)[frames]
         stiff = hessian[frames] + _HOLD * held[:, :, None] * np.eye(step.shape[1])
         pull = np.where(held, -_HOLD * inside[frames], gradient[frames])
-        step[frames] = -np.linalg.solve(stiff, pull[..., None])[..., 0]
+        step[frames] = -solve_positive(stiff, pull)
     return np.clip(step, least, most)
 
 
