@@ -33,10 +33,11 @@ def main() -> None:
         for label, refine in (("retarget", False), ("retarget and refine", True)):
             seconds, outcome = _timed(actors, refine=refine)
             rigs = outcome.rigs
+            miss = "nobody touches" if np.isnan(rigs.touch_mm) else f"hands miss by {rigs.touch_mm:.0f} mm"
             print(
                 f"| {scene:13} | {label:19} | {seconds:6.2f} s | feet slide {rigs.skate_mm:3.1f} mm per frame | "
                 f"stand {100 * rigs.contact_recall:3.0f} % | distances off by {rigs.spacing_mm:2.0f} mm | "
-                f"hands miss by {rigs.touch_mm:4.0f} mm |"
+                f"{miss} |"
             )
 
 

@@ -37,7 +37,11 @@ def main() -> None:
     for rig in arguments.rigs:
         for label, sizes in SIZES.items():
             source, cells = measured(arguments.take, rig, sizes)
-            print(f"| {rig.name} | {label} | {source} | " + " | ".join(f"{cell:.1f}" for cell in cells) + " |")
+            print(
+                f"| {rig.name} | {label} | {source} | "
+                + " | ".join("-" if np.isnan(cell) else f"{cell:.1f}" for cell in cells)
+                + " |"
+            )
 
 
 def measured(take_file: Path, rig_file: Path, sizes: tuple[float, float] | None) -> tuple[str, list[float]]:
